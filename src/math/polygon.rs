@@ -1,0 +1,155 @@
+//! Planar polygons in two dimensions: area, clipping to a cell, point tests, moments.
+//!
+//! Polygons may be concave and may reach holes by bridge edges. Clipping is Sutherland–Hodgman's; where it cuts a concave
+//! polygon in pieces it leaves them joined by edges that run there and back along the clip line, which cancel in every contour
+//! integral taken here and in Lambert's formula.
+
+use glam::DVec2;
+
+use super::basis::{Basis, MAX_FUNCTIONS};
+use super::cell::Cell;
+use super::quadrature::gauss;
+
+/// Signed area, positive when counter-clockwise.
+pub fn area(polygon: &[DVec2]) -> f64 {
+    edges(polygon).map(|(a, b)| a.perp_dot(b)).sum::<f64>() * 0.5
+}
+
+/// The edges, closing one last.
+pub fn edges(polygon: &[DVec2]) -> impl Iterator<Item = (DVec2, DVec2)> + '_ {
+    let n = polygon.len();
+    (0..n).map(move |i| (polygon[i], polygon[(i + 1) % n]))
+}
+
+/// The part of `polygon` with `side(p) ≥ 0`, for an affine `side`.
+pub fn clip_half_plane(polygon: &[DVec2], side: impl Fn(DVec2) -> f64) -> Vec<DVec2> {
+    let mut out = Vec::with_capacity(polygon.len() + 4);
+    for (a, b) in edges(polygon) {
+        let (da, db) = (side(a), side(b));
+        if da >= 0.0 {
+            out.push(a);
+        }
+        if (da > 0.0 && db < 0.0) || (da < 0.0 && db > 0.0) {
+            out.push(a + (b - a) * (da / (da - db)));
+        }
+    }
+    out
+}
+
+/// The part of `polygon` inside `cell`, in the same coordinates; empty where they do not overlap.
+pub fn clip_to_cell(polygon: &[DVec2], cell: &Cell) -> Vec<DVec2> {
+    let (low, high) = (cell.low, cell.low + cell.size);
+    let mut out = clip_half_plane(polygon, |p| p.x - low.x);
+    out = clip_half_plane(&out, |p| high.x - p.x);
+    out = clip_half_plane(&out, |p| p.y - low.y);
+    clip_half_plane(&out, |p| high.y - p.y)
+}
+
+/// Whether `point` lies inside, by the even–odd rule.
+pub fn contains(polygon: &[DVec2], point: DVec2) -> bool {
+    let mut inside = false;
+    for (a, b) in edges(polygon) {
+        if (a.y > point.y) != (b.y > point.y) {
+            let x = a.x + (point.y - a.y) / (b.y - a.y) * (b.x - a.x);
+            inside ^= point.x < x;
+        }
+    }
+    inside
+}
+
+/// The point of the boundary nearest to `point`, distances measured after mapping by `metric` (parameters → metres, linear).
+pub fn nearest_on_boundary(polygon: &[DVec2], point: DVec2, metric: impl Fn(DVec2) -> f64) -> DVec2 {
+    let mut best = (f64::INFINITY, point);
+    for (a, b) in edges(polygon) {
+        // Squared length is a quadratic along the edge: its minimum from three values, exact for a linear metric.
+        let (d0, d1, dm) = (metric(a - point), metric(b - point), metric((a + b) * 0.5 - point));
+        let curvature = 2.0 * (d0 - 2.0 * dm + d1);
+        let t = if curvature > 0.0 { ((d0 - d1) / (2.0 * curvature) + 0.5).clamp(0.0, 1.0) } else { 0.0 };
+        let candidate = a + (b - a) * t;
+        let distance = metric(candidate - point);
+        if distance < best.0 {
+            best = (distance, candidate);
+        }
+    }
+    best.1
+}
+
+/// `∫ φ_a` over the polygon given in a cell's own unit square, for every function of `basis`; `[0]` is its signed area.
+///
+/// By Green's theorem on the triangles spanned by the origin and each edge, each integrated exactly by a collapsed Gauss rule.
+pub fn moments(polygon: &[DVec2], basis: Basis) -> [f64; MAX_FUNCTIONS] {
+    let (nodes, weights) = gauss(4);
+    let anchor = polygon.first().copied().unwrap_or_default();
+    let mut sums = [0.0; MAX_FUNCTIONS];
+    for (a, b) in edges(polygon) {
+        let jacobian = (a - anchor).perp_dot(b - anchor);
+        if jacobian == 0.0 {
+            continue;
+        }
+        for (s, ws) in nodes.iter().zip(weights) {
+            for (t, wt) in nodes.iter().zip(weights) {
+                // Collapsed square: the point anchor + s((1 − t)a + t b), Jacobian s.
+                let point = anchor + *s * (a - anchor + *t * (b - a));
+                let values = basis.evaluate(point);
+                for (sum, value) in sums.iter_mut().zip(values) {
+                    *sum += jacobian * s * ws * wt * value;
+                }
+            }
+        }
+    }
+    sums
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn concave() -> Vec<DVec2> {
+        [(0.0, 0.0), (1.0, 0.0), (1.0, 0.4), (0.4, 0.4), (0.4, 1.0), (0.0, 1.0)]
+            .map(|(x, y)| DVec2::new(x, y))
+            .to_vec()
+    }
+
+    #[test]
+    fn clipped_parts_add_up_to_the_whole() {
+        let polygon = concave();
+        let mut total = 0.0;
+        for i in 0..8 {
+            for j in 0..8 {
+                let cell = Cell {
+                    low: DVec2::new(i as f64, j as f64) / 8.0,
+                    size: DVec2::splat(0.125),
+                };
+                total += area(&clip_to_cell(&polygon, &cell));
+            }
+        }
+        assert!((total - area(&polygon)).abs() < 1e-14);
+    }
+
+    #[test]
+    fn moments_of_the_whole_cell_are_those_of_orthonormal_functions() {
+        let unit = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)].map(|(x, y)| DVec2::new(x, y));
+        let m = moments(&unit, Basis::M3);
+        assert!((m[0] - 1.0).abs() < 1e-14);
+        assert!(m[1..].iter().all(|v| v.abs() < 1e-14), "{m:?}");
+    }
+
+    #[test]
+    fn moments_of_an_l_are_the_square_less_its_corner() {
+        let m = moments(&concave(), Basis::M3);
+        let corner = [(0.4, 0.4), (1.0, 0.4), (1.0, 1.0), (0.4, 1.0)].map(|(x, y)| DVec2::new(x, y));
+        let c = moments(&corner, Basis::M3);
+        for a in 0..9 {
+            let unit = if a == 0 { 1.0 } else { 0.0 };
+            assert!((m[a] - (unit - c[a])).abs() < 1e-14);
+        }
+    }
+
+    #[test]
+    fn nearest_point_lies_at_the_foot_of_the_perpendicular() {
+        let square = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)].map(|(x, y)| DVec2::new(x, y));
+        let near = nearest_on_boundary(&square, DVec2::new(0.3, -2.0), |d| d.length_squared());
+        assert!((near - DVec2::new(0.3, 0.0)).length() < 1e-12);
+        assert!(contains(&square, DVec2::new(0.3, 0.2)) && !contains(&square, DVec2::new(0.3, 1.2)));
+    }
+}

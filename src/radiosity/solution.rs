@@ -1,0 +1,132 @@
+//! A finished solution: the irradiance of every surface as a piecewise polynomial on its leaves, flat and self-contained.
+
+use glam::DVec2;
+use serde::{Deserialize, Serialize};
+
+use crate::math::{Basis, Cell, Split};
+use crate::scene::{Scene, Surface};
+
+/// The irradiance on all surfaces of a scene. Radiosity is `M + ρE`.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Solution {
+    /// The scene that was solved.
+    pub scene: Scene,
+    /// Its surfaces.
+    pub surfaces: Vec<Surface>,
+    /// The irradiance on each, in the same order.
+    pub fields: Vec<Field>,
+    /// The relative L2 error asked for.
+    pub error_target: f64,
+    /// The estimate of what was reached.
+    pub error_estimate: f64,
+    /// Whether the run was cut short.
+    pub incomplete: bool,
+}
+
+/// The irradiance on one surface: a tree of cells, its leaves with polynomial coefficients.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Field {
+    /// Functions per dimension: 1 Haar, 2 M2, 3 M3.
+    pub basis: Basis,
+    /// Number of bands.
+    pub bands: usize,
+    /// Nodes; the root is number 0, the children of a node stand side by side.
+    pub nodes: Vec<Node>,
+    /// Leaf coefficients in W/m²: for each leaf `k²` functions × bands, band fastest.
+    pub coefficients: Vec<f64>,
+}
+
+/// A node of a [`Field`].
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Node {
+    /// Divided; the first child's index.
+    Inner(Split, u32),
+    /// A leaf; where its coefficients start.
+    Leaf(u32),
+    /// A cell outside the surface's polygon: no function lives there.
+    Outside,
+}
+
+/// A leaf as visited by [`Field::for_each_leaf`].
+#[derive(Clone, Copy, Debug)]
+pub struct Leaf<'a> {
+    /// Where it lies in the surface's unit square.
+    pub cell: Cell,
+    /// Its coefficients: `k²` functions × bands, band fastest.
+    pub coefficients: &'a [f64],
+}
+
+impl Field {
+    /// Calls `visit` for every leaf, in depth-first order.
+    pub fn for_each_leaf<'a>(&'a self, visit: &mut dyn FnMut(Leaf<'a>)) {
+        let mut stack = vec![(0usize, Cell::UNIT)];
+        while let Some((index, cell)) = stack.pop() {
+            match self.nodes[index] {
+                Node::Outside => {}
+                Node::Leaf(start) => {
+                    let start = start as usize;
+                    let length = self.basis.len() * self.bands;
+                    visit(Leaf { cell, coefficients: &self.coefficients[start..start + length] });
+                }
+                Node::Inner(split, first) => {
+                    for i in (0..split.children().len()).rev() {
+                        stack.push((first as usize + i, cell.child(split, i)));
+                    }
+                }
+            }
+        }
+    }
+
+    /// The leaf that holds `uv` (clamped to the unit square); `None` outside the polygon's cells.
+    pub fn leaf_at(&self, uv: DVec2) -> Option<Leaf<'_>> {
+        let uv = uv.clamp(DVec2::ZERO, DVec2::ONE);
+        let (mut index, mut cell) = (0usize, Cell::UNIT);
+        loop {
+            match self.nodes[index] {
+                Node::Outside => return None,
+                Node::Leaf(start) => {
+                    let start = start as usize;
+                    let length = self.basis.len() * self.bands;
+                    return Some(Leaf { cell, coefficients: &self.coefficients[start..start + length] });
+                }
+                Node::Inner(split, first) => {
+                    let child = split.child_at(cell.to_local(uv));
+                    index = first as usize + child;
+                    cell = cell.child(split, child);
+                }
+            }
+        }
+    }
+
+    /// Irradiance at `uv` in W/m², one value per band, written to `out`; zeros outside the polygon's cells.
+    pub fn irradiance(&self, uv: DVec2, out: &mut [f64]) {
+        out.fill(0.0);
+        if let Some(leaf) = self.leaf_at(uv) {
+            leaf.irradiance(self.basis, uv, out);
+        }
+    }
+}
+
+impl Leaf<'_> {
+    /// Irradiance of this leaf's polynomial at `uv` of the surface, one value per band; `uv` may lie outside the leaf.
+    pub fn irradiance(&self, basis: Basis, uv: DVec2, out: &mut [f64]) {
+        out.fill(0.0);
+        let values = basis.evaluate(self.cell.to_local(uv));
+        for (a, phi) in values.iter().take(basis.len()).enumerate() {
+            for (band, value) in out.iter_mut().enumerate() {
+                *value += phi * self.coefficients[a * self.coefficients.len() / basis.len() + band];
+            }
+        }
+    }
+}
+
+impl Solution {
+    /// Radiosity `M + ρE` on surface `index` at `uv`, in W/m² per band, written to `out`.
+    pub fn radiosity(&self, index: usize, uv: DVec2, out: &mut [f64]) {
+        self.fields[index].irradiance(uv, out);
+        let surface = &self.surfaces[index];
+        for (band, value) in out.iter_mut().enumerate() {
+            *value = surface.exitance_w_m2[band] + surface.reflectance[band] * *value;
+        }
+    }
+}

@@ -1,0 +1,1 @@
+//! Readers of scene files, one file or folder per format.
