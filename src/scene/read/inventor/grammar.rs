@@ -147,6 +147,9 @@ impl<'t> Parser<'t> {
         if node.kind == Kind::Other {
             self.skip(word.to_owned());
         }
+        if node.numbers("transparency").is_some_and(|shares| shares.iter().any(|share| *share > 0.0)) {
+            self.skip(format!("{word}.transparency (read as opaque)"));
+        }
         let id = self.nodes.len() as NodeId;
         self.nodes.push(node);
         Ok(id)
@@ -179,6 +182,10 @@ impl<'t> Parser<'t> {
                                 spec = names.iter().find_map(|name| schema::find(name, self.vrml97));
                                 node.kind = spec.map_or(Kind::Other, |spec| spec.kind);
                             }
+                        }
+                        (None, _) if field == "alternateRep" => {
+                            let value = self.field("alternateRep", Form::Node, word)?;
+                            node.fields.extend(value.map(|value| ("alternateRep", value)));
                         }
                         (None, _) => {
                             self.unknown_field(field)?;

@@ -93,7 +93,7 @@ fn header(text: &str) -> Result<bool, Fault> {
         }
         ["#VRML", "V2.0", "utf8", ..] => return Ok(true),
         ["#Inventor", _, "binary", ..] => {
-            "convert it to text with `ivdowngrade -v 2.0 IN.iv OUT.iv` of SGI's Open Inventor (Debian package inventor-clients)"
+            "convert it to text with `ivcat -o OUT.iv IN.iv` of SGI's Open Inventor (Debian package inventor-clients)"
         }
         ["#Inventor" | "#VRML", ..] => "convert the file to one of these versions",
         _ => "name a scene file, or give it the header of its version",

@@ -213,7 +213,7 @@ static INVENTOR: &[Spec] = &[
     spec("VertexProperty", Kind::VertexProperty, VERTICES),
     spec("Material", Kind::Material, MATERIAL),
     spec("BaseColor", Kind::BaseColor, &[("rgb", Floats(3))]),
-    spec("PackedColor", Kind::PackedColor, &[("orderedRGBA", Integers)]),
+    spec("PackedColor", Kind::PackedColor, &[("orderedRGBA", Integers), ("rgba", Integers)]),
     spec("MaterialBinding", Kind::MaterialBinding, &[("value", OneOf(BINDINGS))]),
     spec(
         "ShapeHints",

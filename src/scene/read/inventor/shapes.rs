@@ -26,12 +26,14 @@ pub(super) fn polygons(walker: &mut Walker, here: Here, state: &State) -> Result
     if !is_drawn(walker, state) {
         return Ok(());
     }
-    // One charge for the whole list bounds the work of many instances of a list without a single good face.
-    walker.charge(here, node.numbers("coordIndex").map_or(0, |list| list.len()))?;
+    // Charged whole: many instances of long lists without a single good face are work too.
+    for list in ["coordIndex", "materialIndex"] {
+        walker.charge(here, node.numbers(list).map_or(0, |list| list.len()))?;
+    }
     let reverse = state.reverses(state.is_clockwise());
     let binding = Binding::new(node, state, walker);
     polygons::for_each(node, state.coordinates.len(), &mut |polygon| {
-        walker.charge(here, polygon.corners.len())?;
+        walker.charge(here, 1 + polygon.corners.len())?;
         let corners = polygon.corners.iter().map(|corner| state.coordinates.get(corner.point));
         let Some(corners) = corners.collect::<Option<Vec<DVec3>>>() else {
             walker

@@ -15,6 +15,8 @@ pub enum Colors {
     Floats(Rc<[f64]>),
     /// `0xRRGGBBAA` each.
     Packed(Rc<[f64]>),
+    /// `0xAABBGGRR` each, the order of Inventor 2.0.
+    PackedBackwards(Rc<[f64]>),
 }
 
 impl Colors {
@@ -30,16 +32,16 @@ impl Colors {
                 0 => DVec3::ZERO,
                 n => DVec3::from_slice(&numbers[i % n * 3..]),
             },
-            Colors::Packed(numbers) => match numbers.len() {
-                0 => DVec3::ZERO,
-                n => {
-                    let packed = numbers[i % n] as i64;
-                    let channel = |shift: u32| ((packed >> shift) & 0xff) as f64 / 255.0;
-                    DVec3::new(channel(24), channel(16), channel(8))
-                }
-            },
+            Colors::Packed(numbers) => unpacked(numbers, i, [24, 16, 8]),
+            Colors::PackedBackwards(numbers) => unpacked(numbers, i, [0, 8, 16]),
         }
     }
+}
+
+/// Red, green and blue of packed colour number `i`, found at these bits.
+fn unpacked(numbers: &[f64], i: usize, shifts: [u32; 3]) -> DVec3 {
+    let packed = numbers.get(i % numbers.len().max(1)).map_or(0, |packed| *packed as i64);
+    DVec3::from_array(shifts.map(|shift| ((packed >> shift) & 0xff) as f64 / 255.0))
 }
 
 /// Points in local coordinates, `stride` numbers each (4: homogeneous).
@@ -141,6 +143,8 @@ impl State {
     pub fn set_packed_color(&mut self, node: &Node) {
         if let Some(numbers) = node.numbers("orderedRGBA").filter(|numbers| !numbers.is_empty()) {
             self.diffuse = Colors::Packed(numbers.clone());
+        } else if let Some(numbers) = node.numbers("rgba").filter(|numbers| !numbers.is_empty()) {
+            self.diffuse = Colors::PackedBackwards(numbers.clone());
         }
     }
 

@@ -122,6 +122,11 @@ impl<'a> Walker<'a> {
 
     fn visit(&mut self, here: Here, state: &mut State) -> Result<(), ReadError> {
         let node = here.node;
+        // What a newer version wrote for readers that do not know the node, or not its newer fields.
+        let stand_in = node.nodes("alternateRep");
+        if !stand_in.is_empty() && (node.kind == Kind::Other || node.fields.len() == 1) {
+            return self.visit_all(here.document, here.number, stand_in, state);
+        }
         match node.kind {
             Kind::Group => self.children(here, state),
             Kind::Separator => self.children(here, &mut state.clone()),
@@ -176,12 +181,7 @@ impl<'a> Walker<'a> {
             Kind::Coordinate3 => set_coordinates(node, 3, state),
             Kind::Coordinate4 => set_coordinates(node, 4, state),
             Kind::VertexProperty => state.set_vertex_property(node),
-            Kind::Material => {
-                state.set_material(node);
-                if node.numbers("transparency").is_some_and(|t| t.iter().any(|t| *t > 0.0)) {
-                    self.scene.findings.skip("Material.transparency (read as opaque)");
-                }
-            }
+            Kind::Material => state.set_material(node),
             Kind::BaseColor => state.set_base_color(node),
             Kind::PackedColor => state.set_packed_color(node),
             Kind::MaterialBinding if !node.ignores("value") => state.binding = node.word("value", "OVERALL"),
