@@ -47,6 +47,30 @@ impl<const N: usize> Element<N> {
         add(sum, &self.irradiance);
     }
 
+    /// Mean of the unshot irradiance over the polygon's share of the cell; zero outside.
+    pub fn mean_unshot(&self) -> [f64; N] {
+        let mut mean = self.unshot.first().copied().unwrap_or([0.0; N]);
+        if let Some((_, children)) = &self.children {
+            let total: f64 = children.iter().map(|child| child.shape.share()).sum();
+            for child in children.iter().filter(|child| child.shape != Shape::Outside) {
+                let below = child.mean_unshot();
+                for n in 0..N {
+                    mean[n] += below[n] * child.shape.share() / total;
+                }
+            }
+        }
+        mean
+    }
+
+    /// Adds constant irradiance that is not to be shot.
+    pub fn add_ambient(&mut self, irradiance_w_m2: [f64; N]) {
+        if let Some(mean) = self.irradiance.first_mut() {
+            for n in 0..N {
+                mean[n] += irradiance_w_m2[n];
+            }
+        }
+    }
+
     /// Takes the unshot irradiance of the subtree as radiosity (times `reflectance`) into packet node `slot`, leaving none behind.
     /// Levels whose detail is at most `prune_w_m2` are left out.
     pub fn take_unshot(

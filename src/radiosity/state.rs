@@ -23,6 +23,8 @@ pub struct Tree<const N: usize> {
     pub exitance_w_m2: [f64; N],
     /// Bound on the unshot power in W: reflected and not yet sent on.
     pub unshot_w: f64,
+    /// Power received from other surfaces by interreflection so far, per band, in W.
+    pub indirect_w: [f64; N],
     outline: Option<Box<[glam::DVec2]>>,
 }
 
@@ -41,6 +43,7 @@ impl<const N: usize> Tree<N> {
             area_m2: surface.area_m2,
             exitance_w_m2: std::array::from_fn(|n| surface.exitance_w_m2[n]),
             unshot_w: 0.0,
+            indirect_w: [0.0; N],
             outline,
         }
     }
@@ -61,6 +64,12 @@ impl<const N: usize> Tree<N> {
         self.root.take_unshot(self.basis, &none, &self.patch.reflectance, prune_w_m2, &mut nodes, 0);
         self.unshot_w = 0.0;
         self.packet(self.basis, nodes)
+    }
+
+    /// Power left to reflect per band in W, without the bound's allowance for what varies.
+    pub fn unshot_by_band_w(&self) -> [f64; N] {
+        let mean = self.root.mean_unshot();
+        std::array::from_fn(|n| mean[n] * self.patch.reflectance[n] * self.area_m2)
     }
 
     fn packet(&self, basis: Basis, nodes: Vec<PacketNode<N>>) -> Packet<N> {

@@ -103,6 +103,8 @@ struct Run<'a, const N: usize> {
     options: &'a Options,
     lamps: Vec<Lamp<N>>,
     area_m2: f64,
+    /// Area-weighted mean over surfaces of the largest reflectance over bands.
+    mean_reflectance: f64,
     /// `ρ/(1 − ρ)` of the RMS reflectance: how much reflected light a watt causes.
     gain: f64,
 }
@@ -127,9 +129,19 @@ impl<'a, const N: usize> Run<'a, N> {
         let brightest = |s: &Surface| s.reflectance.iter().copied().fold(0.0, f64::max);
         let square: f64 = surfaces.iter().map(|s| s.area_m2 * brightest(s) * brightest(s)).sum();
         let rho = if area_m2 > 0.0 { (square / area_m2).sqrt() } else { 0.0 };
+        let mean: f64 = surfaces.iter().map(|s| s.area_m2 * brightest(s)).sum::<f64>() / area_m2;
         let extent = extent_m(scene);
         let lamps = scene.lights.iter().map(|light| Lamp::new(light, extent)).collect();
-        Self { scene, surfaces, occluder, options, lamps, area_m2, gain: rho / (1.0 - rho) }
+        Self {
+            scene,
+            surfaces,
+            occluder,
+            options,
+            lamps,
+            area_m2,
+            mean_reflectance: mean,
+            gain: rho / (1.0 - rho),
+        }
     }
 
     fn solve(&self, observer: &mut dyn Observer) -> Outcome {
@@ -199,6 +211,7 @@ impl<'a, const N: usize> Run<'a, N> {
             oracle: self.options.oracle,
             threshold_w_m,
             reference_w_m2: self.guess_norm() / root_area,
+            least_reflectance: self.mean_reflectance,
             samples: SampleRule::new(self.options.basis),
         };
         let pass = Pass {

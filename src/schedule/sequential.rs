@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use crate::radiosity::Tree;
+use crate::radiosity::{Tree, add_ambient};
 use crate::transport::lamp::Lamp;
 use crate::transport::{Packet, Rules, Scratch, Source, Work, shoot};
 use crate::visibility::Occluder;
@@ -99,16 +99,24 @@ impl<const N: usize> Pass<'_, N> {
         observer: &mut dyn Observer,
     ) {
         let first = unshot_w(trees);
+        let mut shot_w = [0.0; N];
+        for tree in trees.iter_mut() {
+            tree.indirect_w = [0.0; N];
+        }
         loop {
             let left = unshot_w(trees);
             if left <= self.stop_w || statistics.interrupted {
-                return;
+                return add_ambient(trees, &shot_w);
             }
             // Power decays geometrically: progress on a logarithmic scale.
             observer.progress(Stage::Interreflection, (first / left).ln() / (first / self.stop_w).ln());
             let brightest = (0..trees.len())
                 .max_by(|a, b| trees[*a].unshot_w.total_cmp(&trees[*b].unshot_w).then(b.cmp(a)))
                 .expect("power is left, so there is a surface");
+            let power_w = trees[brightest].unshot_by_band_w();
+            for n in 0..N {
+                shot_w[n] += power_w[n];
+            }
             let packet = trees[brightest].take_packet(self.prune_w_m2);
             self.shoot_all(&packet, trees, scratch, statistics, observer);
         }
@@ -126,7 +134,11 @@ impl<const N: usize> Pass<'_, N> {
             if statistics.interrupted {
                 return;
             }
-            tree.unshot_w += shoot(source, &tree.patch, &mut tree.root, self.occluder, self.rules, scratch);
+            let deposited = shoot(source, &tree.patch, &mut tree.root, self.occluder, self.rules, scratch);
+            tree.unshot_w += deposited.to_reflect_w;
+            for n in 0..N {
+                tree.indirect_w[n] += deposited.received_w[n];
+            }
             statistics.interrupted = observer.interrupted();
         }
         statistics.shots += 1;

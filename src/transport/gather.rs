@@ -14,6 +14,7 @@ use super::lambert::form_factor;
 use super::packet::{EmitterCell, Packet, cell_corners};
 use super::pair::Scratch;
 use super::samples::MAX_SAMPLES;
+use super::unblocked::visible_share;
 use crate::math::basis::{Basis, MAX_FUNCTIONS, legendre};
 use crate::math::polygon;
 use crate::math::quadrature::gauss;
@@ -29,6 +30,9 @@ const SUBTRACTION_ERROR: f64 = 0.02;
 /// Share of a cell's light that n × n rays may misjudge when they disagree, and when they agree.
 const MIXED_ERROR: [f64; 4] = [1.0, 0.5, 0.2, 0.1];
 const UNANIMOUS_ERROR: [f64; 4] = [1.0, 0.3, 0.06, 0.02];
+
+/// The most convex blockers whose projections are followed exactly.
+const EXACT_PIECES: usize = 16;
 
 /// Virtual splits below a packet's deepest level, at most.
 const MAX_VIRTUAL_DEPTH: u8 = 8;
@@ -86,6 +90,26 @@ pub struct Gather<'a, const N: usize> {
     pub scratch: &'a mut Scratch,
     centre: DVec3,
     radius: f64,
+}
+
+/// How a cell's light is taken.
+struct How {
+    closed_form: bool,
+    constant: bool,
+    partial: Partial,
+    /// Whether even a unanimous vote of the rays leaves too much in doubt.
+    doubt: bool,
+}
+
+/// What to do for points that see a cell in part.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Partial {
+    /// Believe the rays.
+    Rays,
+    /// Compute the visible part exactly.
+    Exact,
+    /// Divide the cell for them.
+    Divide,
 }
 
 /// Geometry of an emitter cell as seen from the bundle.
@@ -148,51 +172,150 @@ impl<'a, const N: usize> Gather<'a, N> {
             (least..3).find(|n| UNANIMOUS_ERROR[*n] * estimate <= tolerance.absolute_w_m2).unwrap_or(3)
         };
         let nodes = Nodes::new(self.packet, emitter, n);
-        let split_mixed = splittable && MIXED_ERROR[n] * estimate > tolerance.absolute_w_m2;
-        let mixed = self.take(emitter, &nodes, active, candidates, smooth.is_none(), constant, split_mixed);
+        let how = How {
+            closed_form: smooth.is_none(),
+            constant,
+            partial: self.partial(
+                candidates,
+                tolerance,
+                n,
+                estimate,
+                variation * view.form_factor,
+                splittable,
+            ),
+            doubt: UNANIMOUS_ERROR[n] * estimate > tolerance.absolute_w_m2,
+        };
+        let mixed = self.take(emitter, &nodes, active, candidates, &how);
         if mixed != 0 {
             self.divide(emitter, mixed, candidates, tolerance);
         }
     }
 
-    /// Adds the cell's light to the points of `active`. With `defer`, points that see the cell in part are left out and returned.
-    #[allow(clippy::too_many_arguments)]
+    /// What to do where a cell is seen in part.
+    fn partial(
+        &self,
+        candidates: Candidates,
+        tolerance: Tolerance,
+        n: usize,
+        estimate: f64,
+        variation: f64,
+        splittable: bool,
+    ) -> Partial {
+        if MIXED_ERROR[n] * estimate <= tolerance.absolute_w_m2 {
+            return Partial::Rays;
+        }
+        if let Candidates::List(start, end) = candidates
+            && (MIXED_ERROR[n] * variation <= tolerance.absolute_w_m2 || !splittable)
+        {
+            let faces = self.occluder.faces();
+            let list = &self.scratch.candidates[start..end];
+            if list.iter().map(|f| faces.piece_count(*f)).sum::<usize>() <= EXACT_PIECES {
+                return Partial::Exact;
+            }
+        }
+        if splittable { Partial::Divide } else { Partial::Rays }
+    }
+
+    /// Adds the cell's light to the points of `active`; returns the points left out because the cell must be divided for them.
     fn take(
         &mut self,
         emitter: &EmitterCell<N>,
         nodes: &Nodes<N>,
         active: u32,
         candidates: Candidates,
-        closed_form: bool,
-        constant: bool,
-        defer: bool,
+        how: &How,
     ) -> u32 {
-        let mut mixed = 0;
+        let all = (1u32 << nodes.count) - 1;
+        let mut left = 0;
         for p in points_of(active) {
             let x = self.points.position[p];
-            let mut visible = (1u32 << nodes.count) - 1;
-            if candidates != Candidates::Free {
-                visible = self.trace(p, nodes, candidates);
-                let all = (1u32 << nodes.count) - 1;
-                if defer && visible != 0 && visible != all {
-                    mixed |= 1 << p;
+            if candidates == Candidates::Free {
+                let light = self.light(x, emitter, nodes, all, how);
+                self.add(p, &light);
+                continue;
+            }
+            let visible = self.trace(p, nodes, candidates);
+            let unanimous = visible == 0 || visible == all;
+            let light = match how.partial {
+                Partial::Exact if !unanimous || how.doubt => match self.share(p, emitter, candidates) {
+                    Some(share) => self.shared_light(x, emitter, nodes, visible, share, how),
+                    None => {
+                        left |= 1 << p;
+                        continue;
+                    }
+                },
+                Partial::Divide if !unanimous => {
+                    left |= 1 << p;
                     continue;
                 }
-            }
-            let light = if closed_form {
-                self.near(x, emitter, nodes, visible, constant)
-            } else {
-                self.far(x, nodes, visible)
+                _ => self.light(x, emitter, nodes, visible, how),
             };
-            for n in 0..N {
-                self.irradiance[p][n] += light[n];
-            }
-            if candidates != Candidates::Free {
-                let unoccluded = if visible == 0 { self.far(x, nodes, !0) } else { light };
-                self.uncertain[p] += norm(&unoccluded);
+            self.add(p, &light);
+            let unoccluded = if visible == 0 { self.far(x, nodes, !0) } else { light };
+            self.uncertain[p] += norm(&unoccluded);
+        }
+        left
+    }
+
+    fn add(&mut self, p: usize, light: &[f64; N]) {
+        for n in 0..N {
+            self.irradiance[p][n] += light[n];
+        }
+    }
+
+    fn light(
+        &mut self,
+        x: DVec3,
+        emitter: &EmitterCell<N>,
+        nodes: &Nodes<N>,
+        visible: u32,
+        how: &How,
+    ) -> [f64; N] {
+        if how.closed_form {
+            self.near(x, emitter, nodes, visible, how.constant)
+        } else {
+            self.far(x, nodes, visible)
+        }
+    }
+
+    /// The exact share of the cell's form factor that point `p` sees.
+    fn share(&mut self, p: usize, emitter: &EmitterCell<N>, candidates: Candidates) -> Option<f64> {
+        let Candidates::List(start, end) = candidates else { return None };
+        let faces = self.occluder.faces();
+        self.scratch.work.exact_visibilities += 1;
+        visible_share(
+            self.points.eye[p],
+            self.points.normal,
+            emitter.corners(&self.packet.frame),
+            self.packet.frame.normal,
+            self.scratch.candidates[start..end].iter().flat_map(|f| faces.pieces(*f)),
+        )
+    }
+
+    /// The light of a cell seen in part: its mean by the exact share, the rest by the nodes that are seen.
+    fn shared_light(
+        &mut self,
+        x: DVec3,
+        emitter: &EmitterCell<N>,
+        nodes: &Nodes<N>,
+        visible: u32,
+        share: f64,
+        how: &How,
+    ) -> [f64; N] {
+        let (n_x, n_y) = (self.points.normal, self.packet.frame.normal);
+        self.scratch.work.lambert_evaluations += 1;
+        let factor = form_factor(x, n_x, emitter.corners(&self.packet.frame));
+        let mean = emitter.coefficients[0];
+        let mut light = mean.map(|c| c * factor * share);
+        if !how.constant {
+            for q in (0..nodes.count).filter(|q| visible & (1 << q) != 0) {
+                let k = kernel(x, n_x, nodes.position[q], n_y);
+                for n in 0..N {
+                    light[n] += k * (nodes.weighted[q][n] - nodes.area[q] * mean[n]);
+                }
             }
         }
-        mixed
+        light
     }
 
     /// Product quadrature over the visible nodes.
@@ -351,13 +474,8 @@ impl<'a, const N: usize> Gather<'a, N> {
         let clear = (distance - self.radius).max(0.0);
         let gap = (clear - half).max(0.0);
         let area = frame.area_m2 * cell.area();
-        let (mut cos_x, mut cos_y) = (1.0, 1.0);
-        if clear > 0.0 {
-            cos_y = (above / clear).min(1.0);
-        }
-        if gap > 0.0 {
-            cos_x = (ahead / gap).min(1.0);
-        }
+        let cosine = |height: f64| if gap > 0.0 { (height / gap).min(1.0) } else { 1.0 };
+        let (cos_x, cos_y) = (cosine(ahead), cosine(above));
         let square = std::f64::consts::PI * (0.5 * (clear * clear + gap * gap));
         let size = u.length().max(v.length());
         Some(View {

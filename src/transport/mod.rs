@@ -17,6 +17,6 @@ pub mod work;
 pub use gather::{Gather, Points};
 pub use lamp::Lamp;
 pub use packet::{Packet, PacketNode, Shape};
-pub use pair::{Oracle, Patch, Receiver, Rules, Scratch, Source, shoot};
+pub use pair::{Deposited, Oracle, Patch, Receiver, Rules, Scratch, Source, shoot};
 pub use samples::SampleRule;
 pub use work::Work;

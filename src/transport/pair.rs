@@ -36,11 +36,8 @@ const POINT_SHARE: f64 = 0.3;
 const COARSE_SHARE: f64 = 0.1;
 
 /// Tolerances of the first look at an element, and of a pair that is taken by one sample.
-const FIRST_LOOK: f64 = 0.1;
+const FIRST_LOOK: f64 = 0.05;
 const COARSE: Tolerance = Tolerance { relative: 1.0, absolute_w_m2: f64::INFINITY };
-
-/// Reflectances below this count as this in tolerances, so that dark surfaces still know their irradiance.
-const LEAST_REFLECTANCE: f64 = 0.1;
 
 /// Cells are not divided below this extent of the surface's parametrisation.
 const LEAST_EXTENT: f64 = 1.0 / (1 << 20) as f64;
@@ -54,6 +51,8 @@ pub struct Rules {
     pub threshold_w_m: f64,
     /// Exitance that the geometry oracle takes every emitter to have, in W/m².
     pub reference_w_m2: f64,
+    /// Reflectances below this count as this in link errors, in all bands alike, so that dark surfaces know their irradiance too.
+    pub least_reflectance: f64,
     /// How receivers are sampled and projected.
     pub samples: SampleRule,
 }
@@ -92,10 +91,6 @@ impl<const N: usize> Patch<N> {
             reflectance: std::array::from_fn(|n| surface.reflectance[n]),
             corners: surface.outline.iter().map(|p| surface.frame.point(*p)).collect(),
         }
-    }
-
-    fn reflectance_scale(&self) -> f64 {
-        self.reflectance.iter().copied().fold(LEAST_REFLECTANCE, f64::max)
     }
 }
 
@@ -197,8 +192,22 @@ impl<const N: usize> Source<N> for Packet<N> {
     }
 }
 
-/// Transports the light of `source` to the tree of `receiver`; returns the power that `receiver` now has to reflect, in W, as the bound
-/// `Σ ‖ρ b_l‖ ∫|φ_l|` over the coefficients deposited. The one function every schedule runs.
+/// What a pair task brought to a receiver.
+#[derive(Clone, Copy, Debug)]
+pub struct Deposited<const N: usize> {
+    /// Power received, per band, in W.
+    pub received_w: [f64; N],
+    /// Bound on the power to reflect, all bands, in W: `Σ ‖ρ b_l‖ ∫|φ_l|` over the coefficients.
+    pub to_reflect_w: f64,
+}
+
+impl<const N: usize> Default for Deposited<N> {
+    fn default() -> Self {
+        Self { received_w: [0.0; N], to_reflect_w: 0.0 }
+    }
+}
+
+/// Transports the light of `source` to the tree of `receiver`. The one function every schedule runs.
 pub fn shoot<const N: usize, R: Receiver<N>>(
     source: &impl Source<N>,
     patch: &Patch<N>,
@@ -206,13 +215,13 @@ pub fn shoot<const N: usize, R: Receiver<N>>(
     occluder: &dyn Occluder,
     rules: &Rules,
     scratch: &mut Scratch,
-) -> f64 {
+) -> Deposited<N> {
     if source.surface() == patch.surface || source.face() == patch.face {
-        return 0.0;
+        return Deposited::default();
     }
     if !source.reaches(patch.frame.normal, &patch.corners) {
         scratch.work.pairs_behind += 1;
-        return 0.0;
+        return Deposited::default();
     }
     let mut threshold = rules.threshold_w_m;
     if rules.oracle == Oracle::Geometry {
@@ -227,9 +236,20 @@ pub fn shoot<const N: usize, R: Receiver<N>>(
         let least = hull.iter().map(height).fold(f64::INFINITY, f64::min);
         least > 0.0
     });
-    let mut task = Shoot { source, patch, occluder, rules, scratch, threshold, extend, deposited_w: 0.0 };
+    let weight = patch.reflectance.iter().copied().fold(rules.least_reflectance, f64::max);
+    let mut task = Shoot {
+        source,
+        patch,
+        occluder,
+        rules,
+        scratch,
+        threshold,
+        extend,
+        weight,
+        deposited: Deposited::default(),
+    };
     task.begin(receiver);
-    task.deposited_w
+    task.deposited
 }
 
 struct Shoot<'a, const N: usize, S> {
@@ -240,7 +260,9 @@ struct Shoot<'a, const N: usize, S> {
     scratch: &'a mut Scratch,
     threshold: f64,
     extend: bool,
-    deposited_w: f64,
+    /// What an error of irradiance counts: the largest reflectance, or the least one if that is more.
+    weight: f64,
+    deposited: Deposited<N>,
 }
 
 /// The sample points of one element.
@@ -266,7 +288,7 @@ impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
         let radius = corners.iter().map(|c| c.distance(centre)).fold(0.0, f64::max);
         let estimate = self.source.estimate_w_m2(centre, radius, self.patch.frame.normal);
         let area = self.patch.frame.area_m2 * receiver.shape().share();
-        let carried = self.patch.reflectance_scale() * estimate * area.sqrt();
+        let carried = self.weight * estimate * area.sqrt();
         if carried <= COARSE_SHARE * self.threshold && !matches!(self.rules.oracle, Oracle::Uniform(_)) {
             return self.coarse(receiver, area);
         }
@@ -287,7 +309,7 @@ impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
         let mut coefficients = [[0.0; N]; MAX_FUNCTIONS];
         coefficients[0] = irradiance[0];
         self.deposit(receiver, &coefficients, area_m2);
-        let carried = self.patch.reflectance_scale() * norm(&irradiance[0]);
+        let carried = self.weight * norm(&irradiance[0]);
         self.scratch.work.interactions += 1;
         self.scratch.work.pairs_coarse += 1;
         self.scratch.work.error_squared += 0.1 * carried * carried * area_m2;
@@ -298,7 +320,10 @@ impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
         // ∫|φ_l| is 1 for the mean and at most 0.87 for the others.
         let reflected = |c: &[f64; N]| (0..N).map(|n| self.patch.reflectance[n] * c[n].abs()).sum::<f64>();
         let varying: f64 = light[1..].iter().map(reflected).sum();
-        self.deposited_w += area_m2 * (reflected(&light[0]) + 0.87 * varying);
+        self.deposited.to_reflect_w += area_m2 * (reflected(&light[0]) + 0.87 * varying);
+        for n in 0..N {
+            self.deposited.received_w[n] += area_m2 * light[0][n];
+        }
     }
 
     #[allow(clippy::too_many_arguments)]
@@ -374,21 +399,22 @@ impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
     ) -> Option<Split> {
         let sampling = self.sample(receiver.shape(), cell);
         let area = self.patch.frame.area_m2 * cell.area() * receiver.shape().share();
-        let weight = self.patch.reflectance_scale() * area.sqrt();
+        let weight = self.weight * area.sqrt();
         let strict = POINT_SHARE * self.threshold / weight;
         let whole = *receiver.shape() == Shape::Whole;
         // A first look, only as sharp as it takes to see that the element must be divided.
         let middle = 0.25 * hull.iter().sum::<DVec3>();
         let radius = hull.iter().map(|p| p.distance(middle)).fold(0.0, f64::max);
         let estimate = self.source.estimate_w_m2(middle, radius, self.patch.frame.normal);
-        let first = Tolerance { relative: FIRST_LOOK, absolute_w_m2: (FIRST_LOOK * estimate).max(strict) };
+        let first = Tolerance { relative: FIRST_LOOK, absolute_w_m2: FIRST_LOOK * estimate };
         let mut tolerance = first;
         loop {
             let look = self.look(&sampling, hull, candidates, tolerance, whole);
-            let link_error = weight * look.error;
+            let link_error = area.sqrt() * look.error;
             let uniform = matches!(self.rules.oracle, Oracle::Uniform(_));
             let indivisible = cell.size.max_element() <= LEAST_EXTENT;
-            let accepted = uniform || indivisible || link_error.hypot(weight * look.unseen) <= self.threshold;
+            let accepted =
+                uniform || indivisible || link_error.hypot(area.sqrt() * look.unseen) <= self.threshold;
             if !accepted {
                 return Some(self.direction(cell, &look));
             }
@@ -402,7 +428,7 @@ impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
             }
             tolerance = Tolerance {
                 relative: (strict / look.light).clamp(1e-6, 0.99 * FIRST_LOOK),
-                absolute_w_m2: strict,
+                absolute_w_m2: strict.min(first.absolute_w_m2),
             };
         }
     }
@@ -430,12 +456,12 @@ impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
         );
         let projected = self.rules.samples.project(&values[..n]);
         let error = self.residual(sampling, &projected, &values, whole);
-        let unseen = UNSEEN_SHADOW * mean_square(&uncertain[..n], sampling.inside).sqrt();
+        let unseen = self.weight * UNSEEN_SHADOW * mean_square(&uncertain[..n], sampling.inside).sqrt();
         let light = values[..n].iter().map(norm).fold(0.0, f64::max);
         Look { projected, error, unseen, light }
     }
 
-    /// RMS error of radiosity of the projection over the element, in W/m².
+    /// RMS error of the projected irradiance over the element times the weight, in W/m².
     fn residual(
         &self,
         sampling: &Sampling,
@@ -444,27 +470,22 @@ impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
         whole: bool,
     ) -> f64 {
         let rule = &self.rules.samples;
-        let at =
-            |p: usize| rule.residual_squared(p, &projected.coefficients, &values[p], &self.patch.reflectance);
-        let rho = self.patch.reflectance_scale();
-        // Dark receivers: their irradiance counts as if they reflected a little.
-        let floor = rho / self.patch.reflectance.iter().copied().fold(1e-3, f64::max);
         let tests = if whole { rule.nodes..sampling.count } else { 0..sampling.count };
         let (mut sum, mut count) = (0.0, 0);
         for p in tests.filter(|p| sampling.inside & (1 << p) != 0) {
-            sum += at(p);
+            sum += rule.residual_squared(p, &projected.coefficients, &values[p]);
             count += 1;
         }
-        let tested = if count > 0 { floor * floor * sum / count as f64 } else { 0.0 };
+        let tested = if count > 0 { sum / count as f64 } else { 0.0 };
         let (beyond_u, beyond_v) = projected.beyond;
-        let truncated = if whole { rho * rho * (beyond_u * beyond_u + beyond_v * beyond_v) } else { 0.0 };
-        tested.max(truncated).sqrt()
+        let truncated = if whole { beyond_u * beyond_u + beyond_v * beyond_v } else { 0.0 };
+        self.weight * tested.max(truncated).sqrt()
     }
 
     /// Across which direction the error asks to divide; both where it does not say.
     fn direction(&self, cell: &Cell, look: &Look<N>) -> Split {
         let (u, v) = look.projected.beyond;
-        if self.patch.reflectance_scale() * u.max(v) > 0.3 * look.error {
+        if self.weight * u.max(v) > 0.3 * look.error {
             if u > 4.0 * v {
                 return Split::U;
             }

@@ -98,19 +98,18 @@ impl SampleRule {
         Projected { coefficients, beyond: (energy(&self.beyond_u), energy(&self.beyond_v)) }
     }
 
-    /// Squared residual `Σ_bands (ρ (projected − value))²` at sample point `p`.
+    /// Squared residual `Σ_bands (projected − value)²` at sample point `p`.
     pub fn residual_squared<const N: usize>(
         &self,
         p: usize,
         coefficients: &[[f64; N]; MAX_FUNCTIONS],
         value: &[f64; N],
-        reflectance: &[f64; N],
     ) -> f64 {
         let phi = &self.functions[p];
         (0..N)
             .map(|n| {
                 let projected: f64 = (0..self.basis.len()).map(|a| phi[a] * coefficients[a][n]).sum();
-                let d = reflectance[n] * (projected - value[n]);
+                let d = projected - value[n];
                 d * d
             })
             .sum()
@@ -135,7 +134,7 @@ mod tests {
             }
             assert!(projected.beyond.0 < 1e-14 && projected.beyond.1 < 1e-14);
             for (p, value) in values.iter().enumerate() {
-                assert!(rule.residual_squared(p, &projected.coefficients, value, &[1.0]) < 1e-26);
+                assert!(rule.residual_squared(p, &projected.coefficients, value) < 1e-26);
             }
         }
     }
@@ -149,7 +148,7 @@ mod tests {
             let values: Vec<[f64; 1]> = rule.points.iter().map(|p| [ripple(p.x)]).collect();
             let projected = rule.project(&values);
             let worst = (rule.nodes..rule.points.len())
-                .map(|p| rule.residual_squared(p, &projected.coefficients, &values[p], &[1.0]))
+                .map(|p| rule.residual_squared(p, &projected.coefficients, &values[p]))
                 .fold(0.0, f64::max);
             assert!(worst > 1e-2, "{basis:?}: {worst}");
         }

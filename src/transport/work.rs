@@ -13,6 +13,8 @@ pub struct Work {
     pub lambert_evaluations: u64,
     /// Segments tested for visibility.
     pub visibility_rays: u64,
+    /// Visible parts of emitter cells computed exactly.
+    pub exact_visibilities: u64,
     /// Receiver–emitter pairs whose shaft held no candidate: no ray was needed.
     pub pairs_unoccluded: u64,
     /// Pairs of surfaces skipped because one lies behind the other.
@@ -29,6 +31,7 @@ impl std::ops::AddAssign for Work {
         self.kernel_evaluations += o.kernel_evaluations;
         self.lambert_evaluations += o.lambert_evaluations;
         self.visibility_rays += o.visibility_rays;
+        self.exact_visibilities += o.exact_visibilities;
         self.pairs_unoccluded += o.pairs_unoccluded;
         self.pairs_behind += o.pairs_behind;
         self.pairs_coarse += o.pairs_coarse;

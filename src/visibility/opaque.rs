@@ -4,11 +4,17 @@ use glam::{DVec2, DVec3};
 
 use crate::scene::Scene;
 
+/// Convex faces with more corners than this are cut in triangles too, so that pieces stay small.
+const MAX_CONVEX_CORNERS: usize = 8;
+
 /// All faces of a scene as opaque polygons.
 pub struct OpaqueFaces {
     faces: Vec<Prepared>,
     corners: Vec<DVec2>,
     vertices: Vec<DVec3>,
+    /// Where each convex piece ends in `piece_vertices`; where each face's pieces end in `piece_ends`.
+    piece_ends: Vec<u32>,
+    piece_vertices: Vec<DVec3>,
 }
 
 struct Prepared {
@@ -19,6 +25,7 @@ struct Prepared {
     axis: u8,
     first: u32,
     count: u32,
+    pieces: (u32, u32),
 }
 
 fn project(v: DVec3, axis: u8) -> DVec2 {
@@ -38,7 +45,13 @@ fn vector_area(vertices: &[DVec3]) -> DVec3 {
 impl OpaqueFaces {
     /// Prepares the faces of `scene`.
     pub fn new(scene: &Scene) -> Self {
-        let mut prepared = Self { faces: Vec::new(), corners: Vec::new(), vertices: Vec::new() };
+        let mut prepared = Self {
+            faces: Vec::new(),
+            corners: Vec::new(),
+            vertices: Vec::new(),
+            piece_ends: vec![0],
+            piece_vertices: Vec::new(),
+        };
         for face in &scene.faces {
             let normal = vector_area(&face.vertices).normalize_or_zero();
             let size = normal.abs();
@@ -50,6 +63,7 @@ impl OpaqueFaces {
                 2
             };
             let start = face.vertices[0];
+            let pieces = prepared.add_pieces(&face.vertices, normal, axis);
             prepared.faces.push(Prepared {
                 normal,
                 offset: face.vertices.iter().map(|v| v.dot(normal)).sum::<f64>() / face.vertices.len() as f64,
@@ -58,11 +72,50 @@ impl OpaqueFaces {
                 axis,
                 first: prepared.corners.len() as u32,
                 count: face.vertices.len() as u32,
+                pieces,
             });
             prepared.corners.extend(face.vertices.iter().map(|v| project(*v, axis)));
             prepared.vertices.extend_from_slice(&face.vertices);
         }
         prepared
+    }
+
+    /// Adds the convex pieces of a face: itself, or its triangles.
+    fn add_pieces(&mut self, vertices: &[DVec3], normal: DVec3, axis: u8) -> (u32, u32) {
+        let first = self.piece_ends.len() as u32 - 1;
+        let n = vertices.len();
+        let turns_left = |i: usize| {
+            let (a, b, c) = (vertices[i], vertices[(i + 1) % n], vertices[(i + 2) % n]);
+            (b - a).cross(c - b).dot(normal) >= 0.0
+        };
+        if n <= MAX_CONVEX_CORNERS && (0..n).all(turns_left) {
+            self.piece_vertices.extend_from_slice(vertices);
+            self.piece_ends.push(self.piece_vertices.len() as u32);
+        } else {
+            let mut triangles: Vec<u32> = Vec::new();
+            let flat = vertices.iter().map(|v| project(*v, axis).to_array());
+            earcut::Earcut::new().earcut(flat, &[], &mut triangles);
+            for triangle in triangles.chunks_exact(3) {
+                self.piece_vertices.extend(triangle.iter().map(|i| vertices[*i as usize]));
+                self.piece_ends.push(self.piece_vertices.len() as u32);
+            }
+        }
+        (first, self.piece_ends.len() as u32 - 1)
+    }
+
+    /// How many convex pieces the face consists of.
+    pub fn piece_count(&self, face: u32) -> usize {
+        let (first, end) = self.faces[face as usize].pieces;
+        (end - first) as usize
+    }
+
+    /// The convex pieces of the face.
+    pub fn pieces(&self, face: u32) -> impl Iterator<Item = &[DVec3]> {
+        let (first, end) = self.faces[face as usize].pieces;
+        (first..end).map(|i| {
+            let (start, end) = (self.piece_ends[i as usize], self.piece_ends[i as usize + 1]);
+            &self.piece_vertices[start as usize..end as usize]
+        })
     }
 
     /// How many faces there are.

@@ -5,8 +5,8 @@
 
 use glam::DVec3;
 
-/// The most planes a shaft keeps: one per edge of each side and the planes of both sides.
-const MAX_PLANES: usize = 10;
+/// The most planes a shaft keeps: two per edge of each side and the planes of both sides.
+const MAX_PLANES: usize = 18;
 
 /// A convex region given by half-spaces `n·x ≤ d`, and its box.
 #[derive(Clone, Debug)]
@@ -50,11 +50,8 @@ impl Shaft {
                     }
                     if most <= margin {
                         shaft.push(normal, d - margin);
-                        break;
-                    }
-                    if least >= -margin {
+                    } else if least >= -margin {
                         shaft.push(-normal, -d - margin);
-                        break;
                     }
                 }
             }
@@ -63,7 +60,8 @@ impl Shaft {
     }
 
     fn push(&mut self, normal: DVec3, d: f64) {
-        if self.count < MAX_PLANES {
+        let known = self.planes().iter().any(|(n, _)| n.dot(normal) > 1.0 - 1e-12);
+        if !known && self.count < MAX_PLANES {
             self.planes[self.count] = (normal, d);
             self.count += 1;
         }
