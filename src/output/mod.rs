@@ -5,19 +5,25 @@ pub mod colour;
 mod convex;
 mod error;
 mod glb;
+pub mod image;
 mod kind;
 pub mod mesh;
 mod ply;
+pub mod solution_file;
 mod tiling;
+mod validate;
 mod vtu;
+mod write;
 
 pub use atomic::write_atomically;
 pub use error::Error;
 pub use glb::write_glb;
+pub use image::ImageOptions;
 pub use kind::OutputKind;
 pub use mesh::Mesh;
 pub use ply::write_ply;
 pub use vtu::write_vtu;
+pub use write::write;
 
 #[cfg(test)]
 use crate as lib;
