@@ -71,8 +71,8 @@ pub fn quantile(values: &mut Vec<f64>, share: f64) -> f64 {
     *values.select_nth_unstable_by(at, f64::total_cmp).1
 }
 
-/// The factor that brings typical luminances to middle grey: 0.18 over their logarithmic mean, the darkest and the brightest
-/// twentieth left out (a lamp in view, a dark corner). 1 if nothing is lit.
+/// The factor that brings typical luminances a little above middle grey, as lit rooms look: 0.25 over their logarithmic mean,
+/// the darkest and the brightest twentieth left out (a lamp in view, a dark corner). 1 if nothing is lit.
 pub fn automatic_exposure(mut luminances: Vec<f64>) -> f64 {
     let low = quantile(&mut luminances, 0.05);
     let high = quantile(&mut luminances, 0.95);
@@ -81,21 +81,22 @@ pub fn automatic_exposure(mut luminances: Vec<f64>) -> f64 {
         return 1.0;
     }
     let mean_log = kept.iter().map(|l| l.ln()).sum::<f64>() / kept.len() as f64;
-    0.18 / mean_log.exp()
+    0.25 / mean_log.exp()
 }
 
-/// The tone curve: Reinhard's on luminance, `L (1 + L/w²) / (1 + L)`, white at `w` = 6. Hue is kept; a colour too bright for
-/// the display fades towards white.
+/// The tone curve: Narkowicz's rational fit of a film's response, on luminance: a soft foot, contrast in the middle, a soft
+/// shoulder. Hue is kept; a colour too bright for the display fades towards white.
 pub fn tone(rgb: [f64; 3]) -> [f64; 3] {
-    const WHITE: f64 = 6.0;
-    // A middle grey that goes in comes out.
-    const KEY: f64 = 1.21;
-    let rgb = rgb.map(|c| (KEY * c).max(0.0));
+    // Brings middle grey, 0.18, out at 0.2.
+    const GAIN: f64 = 0.78;
+    let rgb = rgb.map(|c| c.max(0.0));
     let l = luminance(rgb);
     if l <= 0.0 {
         return [0.0; 3];
     }
-    let target = (l * (1.0 + l / (WHITE * WHITE)) / (1.0 + l)).min(1.0);
+    // Beyond this everything is white, and the squares below stay finite.
+    let x = (GAIN * l).min(1e6);
+    let target = (x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14)).min(1.0);
     let scaled = rgb.map(|c| c / l * target);
     let brightest = scaled.iter().fold(0.0f64, |a, b| a.max(*b));
     if brightest <= 1.0 {
@@ -130,7 +131,7 @@ mod tests {
     #[test]
     fn tones_rise_with_light_stay_in_range_and_keep_middle_grey() {
         let grey = tone([0.18; 3])[0];
-        assert!((grey - 0.18).abs() < 0.01, "{grey}");
+        assert!((grey - 0.2).abs() < 0.01, "{grey}");
         let mut last = 0.0;
         for i in 1..200 {
             let out = tone([0.05 * i as f64, 0.02 * i as f64, 0.01 * i as f64]);
@@ -145,7 +146,7 @@ mod tests {
     fn exposure_ignores_a_lamp() {
         let mut luminances = vec![2.0; 1000];
         luminances.extend([1e4; 20]);
-        assert!((automatic_exposure(luminances) - 0.09).abs() < 1e-12);
+        assert!((automatic_exposure(luminances) - 0.125).abs() < 1e-12);
         assert_eq!(automatic_exposure(vec![0.0, f64::NAN]), 1.0);
     }
 }

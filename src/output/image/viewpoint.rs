@@ -14,7 +14,7 @@ use crate::scene::{Camera, Light, Projection, Scene};
 /// Rays per candidate: enough to rank views.
 const RAYS: (u32, u32) = (32, 24);
 /// Opening angles in radians: wide inside a room, longer from outside.
-const ANGLE_INSIDE: f64 = 1.15;
+const ANGLE_INSIDE: f64 = 1.2;
 const ANGLE_OUTSIDE: f64 = 0.7;
 
 /// The best of the candidates.
