@@ -1,6 +1,8 @@
-//! Files that appear whole or not at all: written under a temporary name in the same directory, flushed to disk, renamed.
+//! Files that appear whole or not at all: written under a temporary name in the same directory, flushed to
+//! disk, renamed.
 //!
-//! A path that exists and is no regular file (`/dev/stdout`, a pipe) is written in place: replacing it would break it.
+//! A path that exists and is no regular file (`/dev/stdout`, a pipe) is written in place: replacing it
+//! would break it.
 
 use std::ffi::OsString;
 use std::fs::{self, File, OpenOptions};
@@ -10,10 +12,12 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 use super::Error;
 
-/// Writes `path` by what `fill` writes, whole or not at all; a symbolic link keeps pointing to its (new) target.
+/// Writes `path` by what `fill` writes, whole or not at all; a symbolic link keeps pointing to its (new)
+/// target.
 ///
 /// # Errors
-/// [`Error::Io`] naming `path`; the temporary file is gone then, and a file that stood at `path` before is untouched.
+/// [`Error::Io`] naming `path`; the temporary file is gone then, and a file that stood at `path` before is
+/// untouched.
 pub fn write_atomically(
     path: &Path,
     fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,

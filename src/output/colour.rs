@@ -2,8 +2,8 @@
 
 /// Weights that turn one value per band into linear red, green and blue.
 ///
-/// One band is grey. Bands named r, g, b are themselves. Any others are shared out evenly in three groups, in the order of the
-/// scene, or from long to short if their names are wavelengths.
+/// One band is grey. Bands named r, g, b are themselves. Any others are shared out evenly in three groups,
+/// in the order of the scene, or from long to short if their names are wavelengths.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ToRgb(Vec<[f64; 3]>);
 
@@ -22,12 +22,12 @@ impl ToRgb {
         let wavelengths: Vec<f64> =
             bands.iter().filter_map(|b| b.trim_end_matches("nm").trim().parse().ok()).collect();
         let ascending = wavelengths.len() == n && wavelengths.is_sorted();
-        for channel in 0..3 {
-            // At least one band each: with fewer than three bands, groups overlap.
-            let (first, last) = (channel * n / 3, ((channel + 1) * n).div_ceil(3));
-            for i in first..last {
-                let band = if ascending { n - 1 - i } else { i };
-                weights[band][channel] = 1.0 / (last - first) as f64;
+        // At least one band each: with fewer than three bands, groups overlap.
+        let groups = [0, 1, 2].map(|channel| channel * n / 3..((channel + 1) * n).div_ceil(3));
+        for (channel, group) in groups.into_iter().enumerate() {
+            let share = 1.0 / group.len() as f64;
+            for i in group {
+                weights[if ascending { n - 1 - i } else { i }][channel] = share;
             }
         }
         ToRgb(weights)
@@ -71,8 +71,9 @@ pub fn quantile(values: &mut Vec<f64>, share: f64) -> f64 {
     *values.select_nth_unstable_by(at, f64::total_cmp).1
 }
 
-/// The factor that brings typical luminances a little above middle grey, as lit rooms look: 0.25 over their logarithmic mean,
-/// the darkest and the brightest twentieth left out (a lamp in view, a dark corner). 1 if nothing is lit.
+/// The factor that brings typical luminances a little above middle grey, as lit rooms look: 0.25 over their
+/// logarithmic mean, the darkest and the brightest twentieth left out (a lamp in view, a dark corner). 1 if
+/// nothing is lit.
 pub fn automatic_exposure(mut luminances: Vec<f64>) -> f64 {
     let low = quantile(&mut luminances, 0.05);
     let high = quantile(&mut luminances, 0.95);
@@ -84,8 +85,8 @@ pub fn automatic_exposure(mut luminances: Vec<f64>) -> f64 {
     0.25 / mean_log.exp()
 }
 
-/// The tone curve: Narkowicz's rational fit of a film's response, on luminance: a soft foot, contrast in the middle, a soft
-/// shoulder. Hue is kept; a colour too bright for the display fades towards white.
+/// The tone curve: Narkowicz's rational fit of a film's response, on luminance: a soft foot, contrast in
+/// the middle, a soft shoulder. Hue is kept; a colour too bright for the display fades towards white.
 pub fn tone(rgb: [f64; 3]) -> [f64; 3] {
     // Brings middle grey, 0.18, out at 0.2.
     const GAIN: f64 = 0.78;

@@ -1,9 +1,10 @@
 //! Polygons cut by a cell, in convex pieces that fit together to the last bit.
 //!
-//! A mesh has no cracks only if both sides of a common edge compute the same points. So every intersection is computed from
-//! the edge's end points in a fixed order, and a point on a cell's border has the border's coordinate exactly. Pieces are
-//! found by a sweep with the even–odd rule, which holes joined by a bridge edge, and the edges there and back that clipping a
-//! concave polygon leaves, pass without special cases: they bound strips of no width.
+//! A mesh has no cracks only if both sides of a common edge compute the same points. So every intersection
+//! is computed from the edge's end points in a fixed order, and a point on a cell's border has the border's
+//! coordinate exactly. Pieces are found by a sweep with the even–odd rule, which holes joined by a bridge
+//! edge, and the edges there and back that clipping a concave polygon leaves, pass without special cases:
+//! they bound strips of no width.
 
 use glam::DVec2;
 
@@ -82,8 +83,8 @@ fn is_convex(polygon: &[DVec2]) -> bool {
     reversals <= 2
 }
 
-/// Convex pieces, counter-clockwise, that tile `polygon` by the even–odd rule: the polygon itself if it is convex, else
-/// trapezoids between the horizontals through its corners.
+/// Convex pieces, counter-clockwise, that tile `polygon` by the even–odd rule: the polygon itself if it is
+/// convex, else trapezoids between the horizontals through its corners.
 pub(super) fn pieces(polygon: &[DVec2]) -> Vec<Vec<DVec2>> {
     if is_convex(polygon) {
         return vec![polygon.to_vec()];

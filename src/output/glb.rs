@@ -1,8 +1,8 @@
 //! Binary glTF 2.0: a JSON chunk and a binary chunk, per the Khronos specification, section 4.4.
 //!
-//! Viewers show the vertex colours as they are (`KHR_materials_unlit`): radiosity times an exposure, linear, clamped to 1.
-//! The exposure stands in `asset.extras`, and the radiosity itself in the attribute `_RADIOSITY` for scenes of any bands,
-//! mapped to red, green and blue. Axes are the scene's own.
+//! Viewers show the vertex colours as they are (`KHR_materials_unlit`): radiosity times an exposure,
+//! linear, clamped to 1. The exposure stands in `asset.extras`, and the radiosity itself in the attribute
+//! `_RADIOSITY` for scenes of any bands, mapped to red, green and blue. Axes are the scene's own.
 
 use std::io::{self, Write};
 
@@ -44,13 +44,20 @@ pub fn write_glb(mesh: &Mesh, name: &str, out: &mut dyn Write) -> io::Result<()>
         "radiosity": "_RADIOSITY in W/m2",
         "bands": mesh.bands,
     });
+    let primitive = json!({ "attributes": attributes, "indices": indices, "material": 0, "mode": 4 });
+    write_chunks(&document(name, extras, primitive, &binary), &binary.bytes, out)
+}
+
+/// The JSON chunk.
+fn document(name: &str, extras: Value, primitive: Value, binary: &Binary) -> Value {
+    let generator = concat!("wrad ", env!("CARGO_PKG_VERSION"));
     let mut document = json!({
-        "asset": { "version": "2.0", "generator": concat!("wrad ", env!("CARGO_PKG_VERSION")), "extras": extras },
+        "asset": { "version": "2.0", "generator": generator, "extras": extras },
         "extensionsUsed": ["KHR_materials_unlit"],
         "scene": 0,
         "scenes": [{ "nodes": [0] }],
         "nodes": [{ "mesh": 0, "name": name }],
-        "meshes": [{ "primitives": [{ "attributes": attributes, "indices": indices, "material": 0, "mode": 4 }] }],
+        "meshes": [{ "primitives": [primitive] }],
         "materials": [{
             "name": "radiosity",
             "pbrMetallicRoughness": { "metallicFactor": 0.0, "roughnessFactor": 1.0 },
@@ -60,14 +67,14 @@ pub fn write_glb(mesh: &Mesh, name: &str, out: &mut dyn Write) -> io::Result<()>
         "bufferViews": binary.views,
         "buffers": [{ "byteLength": binary.bytes.len() }],
     });
-    if mesh.triangles.is_empty() {
+    if binary.bytes.is_empty() {
         // glTF has no empty accessors: an empty solution is a scene without a mesh.
         for key in ["meshes", "accessors", "bufferViews", "buffers"] {
             document.as_object_mut().map(|d| d.remove(key));
         }
         document["nodes"] = json!([{ "name": name }]);
     }
-    write_chunks(&document, &binary.bytes, out)
+    document
 }
 
 /// The exposure that shows the 95th percentile of the vertices' luminance at 0.9.
@@ -122,7 +129,8 @@ impl Binary {
         let start = self.bytes.len();
         self.bytes.extend(values.iter().flat_map(|v| v.to_le_bytes()));
         let accessor = json!({
-            "bufferView": self.views.len(), "componentType": UNSIGNED_INT, "count": values.len(), "type": "SCALAR",
+            "bufferView": self.views.len(), "componentType": UNSIGNED_INT,
+            "count": values.len(), "type": "SCALAR",
         });
         self.view(start, ELEMENT_ARRAY_BUFFER, accessor)
     }

@@ -5,8 +5,8 @@ use std::path::Path;
 use super::Error;
 
 /// The list of formats for people.
-pub(super) const SUPPORTED: &str = ".glb (mesh for viewers), .ply (mesh with radiosity), .vtu (mesh for ParaView), \
-     .png (picture), .exr (picture, linear radiance), .wrad (saved solution)";
+pub(super) const SUPPORTED: &str = ".glb (mesh for viewers), .ply (mesh with radiosity), \
+     .vtu (mesh for ParaView), .png (picture), .exr (picture, linear radiance), .wrad (saved solution)";
 
 /// A format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,7 +26,8 @@ pub enum OutputKind {
 }
 
 impl OutputKind {
-    /// The format that `path`'s extension stands for, upper or lower case. Touches no file: ask before a long solve.
+    /// The format that `path`'s extension stands for, upper or lower case. Touches no file: ask before a
+    /// long solve.
     ///
     /// # Errors
     /// [`Error::UnknownFormat`], listing the supported extensions.

@@ -1,8 +1,9 @@
 //! A solution as a triangle mesh: adaptive, watertight within each surface, one value per vertex and band.
 //!
-//! Vertices are shared by all elements of a surface that meet there and carry the mean of their polynomials, so that linear
-//! interpolation shows no seams; vertices of different surfaces are never shared, for normals and values differ.
-//! Positions in metres, irradiance `E` and radiosity `M + ρE` in W/m². Triangles are counter-clockwise seen from the front.
+//! Vertices are shared by all elements of a surface that meet there and carry the mean of their
+//! polynomials, so that linear interpolation shows no seams; vertices of different surfaces are never
+//! shared, for normals and values differ. Positions in metres, irradiance `E` and radiosity `M + ρE` in
+//! W/m². Triangles are counter-clockwise seen from the front.
 
 use glam::{DVec2, DVec3};
 
@@ -58,8 +59,8 @@ impl Mesh {
         for (index, (surface, field)) in solution.surfaces.iter().zip(&solution.fields).enumerate() {
             mesh.add_surface(index as u32, surface, field);
             if mesh.positions.len() > u32::MAX as usize {
-                let text = "the mesh has more than 2³² vertices, too many for its formats; solve with a larger \
-                            --error, or write a .wrad or an image";
+                let text = "the mesh has more than 2³² vertices, too many for its formats; \
+                            solve with a larger --error, or write a .wrad or an image";
                 return Err(Error::Request(text.to_owned()));
             }
         }
@@ -122,7 +123,8 @@ impl Mesh {
         self.irradiance_w_m2.extend(sums.iter().enumerate().map(mean));
     }
 
-    /// A triangle, two for a constant cell, else a fan around the middle: it takes any number of points on the border.
+    /// A triangle, two for a constant cell, else a fan around the middle: it takes any number of points on
+    /// the border.
     fn triangulate(&mut self, tile: &Tile, tiling: &Tiling, base: usize, surface: &Surface, field: &Field) {
         let id = |i: usize| base as u32 + tile.corners[i % tile.corners.len()];
         match tile.corners.len() {

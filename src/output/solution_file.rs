@@ -46,7 +46,8 @@ pub fn save(solution: &Solution, path: &Path) -> Result<(), Error> {
 /// Loads a solution.
 ///
 /// # Errors
-/// [`Error::Io`], or [`Error::Solution`] where the file is not one, is damaged, of another version, or contradicts itself.
+/// [`Error::Io`], or [`Error::Solution`] where the file is not one, is damaged, of another version, or
+/// contradicts itself.
 pub fn load(path: &Path) -> Result<Solution, Error> {
     let bytes = std::fs::read(path).map_err(|e| Error::io(path, "read", e))?;
     read_solution(&bytes).map_err(|(problem, remedy)| Error::Solution {
@@ -140,7 +141,8 @@ mod tests {
     }
 
     proptest! {
-        /// The checksum is bypassed: what passes the checks can be meshed and looked at without panic or endless work.
+        /// The checksum is bypassed: what passes the checks can be meshed and looked at without panic or
+        /// endless work.
         #[test]
         fn mutated_solutions_are_refused_or_safe(
             changes in proptest::collection::vec((0.0..1.0f64, any::<u8>()), 1..4),

@@ -1,8 +1,9 @@
 //! The leaves of one surface as convex tiles without cracks, in the surface's parameters.
 //!
-//! A tile is a leaf's cell, or a convex piece of the polygon within it. Tiles list every point that lies on their border, so
-//! also those where a finer neighbour ends ("hanging" vertices). Cracks can only open along cell borders and the cuts of
-//! [`super::convex`], all axis-aligned lines met with bit-equal coordinates; points on them are found by sorting.
+//! A tile is a leaf's cell, or a convex piece of the polygon within it. Tiles list every point that lies on
+//! their border, so also those where a finer neighbour ends ("hanging" vertices). Cracks can only open
+//! along cell borders and the cuts of [`super::convex`], all axis-aligned lines met with bit-equal
+//! coordinates; points on them are found by sorting.
 
 use std::collections::HashMap;
 
@@ -13,7 +14,8 @@ use crate::math::{Basis, Cell, Split, polygon};
 use crate::radiosity::{Field, Leaf, Node};
 use crate::scene::Surface;
 
-/// Share of a cell's area below which the part of the polygon in it counts as nothing, or what is missing as nothing.
+/// Share of a cell's area below which the part of the polygon in it counts as nothing, or what is missing
+/// as nothing.
 const NEGLIGIBLE: f64 = 1e-12;
 
 /// A convex part of a leaf.

@@ -1,4 +1,5 @@
-//! Is a solution that came from outside consistent? What passes here cannot make another room panic, loop or read beyond its data.
+//! Is a solution that came from outside consistent? What passes here cannot make another room panic, loop
+//! or read beyond its data.
 
 use glam::{DVec2, DVec3};
 

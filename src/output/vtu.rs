@@ -1,7 +1,8 @@
-//! VTK's unstructured grids (`.vtu`) for ParaView: XML whose arrays stand raw, little-endian, in one appended block.
+//! VTK's unstructured grids (`.vtu`) for ParaView: XML whose arrays stand raw, little-endian, in one
+//! appended block.
 //!
-//! Point data: `radiosity` and `irradiance` in W/m², one component per band. Cell data, constant over the triangles of one
-//! leaf: `irradiance_mean`, `surface`, `face`, `level`, `element`, `element_area`.
+//! Point data: `radiosity` and `irradiance` in W/m², one component per band. Cell data, constant over the
+//! triangles of one leaf: `irradiance_mean`, `surface`, `face`, `level`, `element`, `element_area`.
 
 use std::io::{self, Write};
 
@@ -19,10 +20,8 @@ pub fn write_vtu(mesh: &Mesh, out: &mut dyn Write) -> io::Result<()> {
     let cells = cell_arrays(mesh);
     let mut offset = 0u64;
     writeln!(out, "<?xml version=\"1.0\"?>")?;
-    writeln!(
-        out,
-        "<VTKFile type=\"UnstructuredGrid\" version=\"1.0\" byte_order=\"LittleEndian\" header_type=\"UInt64\">"
-    )?;
+    write!(out, "<VTKFile type=\"UnstructuredGrid\" version=\"1.0\"")?;
+    writeln!(out, " byte_order=\"LittleEndian\" header_type=\"UInt64\">")?;
     let (vertices, triangles) = (mesh.positions.len(), mesh.triangles.len());
     writeln!(out, "<UnstructuredGrid>")?;
     writeln!(out, "<Piece NumberOfPoints=\"{vertices}\" NumberOfCells=\"{triangles}\">")?;
@@ -46,6 +45,8 @@ pub fn write_vtu(mesh: &Mesh, out: &mut dyn Write) -> io::Result<()> {
     writeln!(out, "\n</AppendedData>\n</VTKFile>")
 }
 
+type Writer<'a> = Box<dyn Fn(&mut dyn Write) -> io::Result<()> + 'a>;
+
 /// An array to be appended; values are made when written, for a mesh may be most of the memory.
 struct Array<'a> {
     name: &'static str,
@@ -53,7 +54,7 @@ struct Array<'a> {
     width: usize,
     kind: &'static str,
     bytes: u64,
-    write: Box<dyn Fn(&mut dyn Write) -> io::Result<()> + 'a>,
+    write: Writer<'a>,
 }
 
 impl Array<'_> {

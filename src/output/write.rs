@@ -7,10 +7,12 @@ use super::solution_file::write_solution;
 use super::{Error, Mesh, OutputKind, write_atomically, write_glb, write_ply, write_vtu};
 use crate::radiosity::Solution;
 
-/// Writes a solution in the format of `path`'s extension, whole or not at all. `cast` is only called for pictures.
+/// Writes a solution in the format of `path`'s extension, whole or not at all. `cast` is only called for
+/// pictures.
 ///
 /// # Errors
-/// An unknown extension, options that do not fit the scene, or what the file system says; each names the remedy.
+/// An unknown extension, options that do not fit the scene, or what the file system says; each names the
+/// remedy.
 pub fn write(solution: &Solution, path: &Path, options: &ImageOptions, cast: &Caster) -> Result<(), Error> {
     let kind = OutputKind::from_path(path)?;
     match kind {

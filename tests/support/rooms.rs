@@ -151,8 +151,8 @@ const WALLS: [([f64; 3], [f64; 3]); 5] = [
     ([0.7, 0.6, 0.3], [0.0; 3]),
 ];
 
-/// A closed room 4 × 3 × 3.5 m with an L-shaped ledge, a lamp with a hole (a bridge edge joins it), a slanted triangle that is
-/// two-sided; one camera.
+/// A closed room 4 × 3 × 3.5 m with an L-shaped ledge, a lamp with a hole (a bridge edge joins it), a
+/// slanted triangle that is two-sided; one camera.
 pub fn gallery(basis: Basis, depth: usize, seed: u64) -> Solution {
     let (x, y, z) = (4.0, 3.0, 3.5);
     let polygons: [(&[[f64; 3]], u32); 9] = [

@@ -1,7 +1,8 @@
 //! Borders of elements as thin lines of constant width on the screen.
 //!
-//! Each side of a border draws half of the line: the distance to it in pixels follows from how the parameters change from pixel to
-//! pixel, so lines are smooth without extra samples. Cells of few pixels fade out instead of turning the picture grey.
+//! Each side of a border draws half of the line: the distance to it in pixels follows from how the
+//! parameters change from pixel to pixel, so lines are smooth without extra samples. Cells of few pixels
+//! fade out instead of turning the picture grey.
 
 use glam::DVec2;
 
@@ -49,7 +50,8 @@ impl<'a> Borders<'a> {
     }
 }
 
-/// The edges of a polygon that is not its whole parallelogram, without the bridges to holes, which run there and back.
+/// The edges of a polygon that is not its whole parallelogram, without the bridges to holes, which run
+/// there and back.
 fn outline(surface: &Surface) -> Vec<(DVec2, DVec2)> {
     if surface.full {
         return Vec::new();

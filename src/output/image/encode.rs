@@ -78,7 +78,8 @@ fn encode_png(bytes: &[u8], (width, height): (u32, u32), note: &str, out: &mut d
     Ok(())
 }
 
-/// Writes linear radiance in W/(m² sr), 32-bit floating point, one channel per band: `R`, `G`, `B` or the bands' names.
+/// Writes linear radiance in W/(m² sr), 32-bit floating point, one channel per band: `R`, `G`, `B` or the
+/// bands' names.
 ///
 /// # Errors
 /// As [`write_png`].
@@ -107,7 +108,8 @@ pub fn write_exr(
     encoded.and_then(|()| out.write_all(file.get_ref()))
 }
 
-/// Viewers know `R`, `G`, `B` and `Y`; a name must not be empty nor contain characters the format gives a meaning to.
+/// Viewers know `R`, `G`, `B` and `Y`; a name must not be empty nor contain characters the format gives a
+/// meaning to.
 fn channel_name(band: &str, index: usize) -> Text {
     match band {
         "r" | "g" | "b" | "y" => Text::from(band.to_uppercase().as_str()),

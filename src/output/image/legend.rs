@@ -17,7 +17,8 @@ pub(super) struct Scale {
 }
 
 impl Scale {
-    /// A scale that ends at or a little above `value`, with a step of 1, 2 or 5 times a power of ten; `greatest` is the greatest value.
+    /// A scale that ends at or a little above `value`, with a step of 1, 2 or 5 times a power of ten;
+    /// `greatest` is the greatest value.
     pub fn up_to(value: f64, greatest: f64) -> Scale {
         if !(value.is_finite() && value > 0.0) {
             return Scale { top: 1.0, step: 0.2, clipped: false };

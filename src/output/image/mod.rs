@@ -1,7 +1,8 @@
-//! Pictures of a solution: one ray per sample finds a surface, the solution is read there; no further light is computed.
+//! Pictures of a solution: one ray per sample finds a surface, the solution is read there; no further light
+//! is computed.
 //!
-//! What a pixel shows is the radiance `B/π` in W/(m² sr), or in false colours the irradiance in W/m². Backs that take no part in
-//! the exchange, and rays that meet nothing, are black.
+//! What a pixel shows is the radiance `B/π` in W/(m² sr), or in false colours the irradiance in W/m². Backs
+//! that take no part in the exchange, and rays that meet nothing, are black.
 
 mod borders;
 mod encode;
@@ -52,7 +53,8 @@ impl ImageOptions {
     /// Whether a picture of `scene` can be made with these options: ask before a long solve.
     ///
     /// # Errors
-    /// [`Error::Request`]: an unknown camera (the known ones are listed), no pixels or too many, an exposure that is not positive.
+    /// [`Error::Request`]: an unknown camera (the known ones are listed), no pixels or too many, an
+    /// exposure that is not positive.
     pub fn check(&self, scene: &Scene) -> Result<(), Error> {
         let refuse = |text: String| Err(Error::Request(text));
         if let Some(name) = &self.camera
@@ -61,7 +63,8 @@ impl ImageOptions {
             let known: Vec<&str> = scene.cameras.iter().map(|c| c.name.as_str()).collect();
             return refuse(if known.is_empty() {
                 format!(
-                    "the scene has no camera named '{name}': it has none at all; leave out --camera for an automatic view"
+                    "the scene has no camera named '{name}': it has none at all; \
+                     leave out --camera for an automatic view"
                 )
             } else {
                 format!("the scene has no camera named '{name}'; it has {}", known.join(", "))

@@ -85,7 +85,8 @@ pub(super) fn display(
 /// Darkens light colours and lightens dark ones, so that lines show on both.
 fn ink(colour: [f64; 3], coverage: f64) -> [f64; 3] {
     let light = luminance(colour);
-    // Around the turning point lines would vanish: it lies where shadows are, and the blend stays strong on both sides.
+    // Around the turning point lines would vanish: it lies where shadows are, and the blend stays strong on
+    // both sides.
     let target = if light > 0.04 { 0.12 * light } else { 0.16 };
     let share = 0.6 * coverage;
     colour.map(|c| c + (target - c) * share)

@@ -7,9 +7,9 @@ use glam::{DVec2, DVec3};
 use crate::output::colour::{ToRgb, luminance};
 use crate::radiosity::Solution;
 
-/// Finds the nearest surface along a ray (origin, unit direction): its index in [`Solution::surfaces`] and the point's
-/// parameters. Of a face with two surfaces either may be given; a face met from a side without a surface gives the other
-/// side's, for it hides what is behind.
+/// Finds the nearest surface along a ray (origin, unit direction): its index in [`Solution::surfaces`] and
+/// the point's parameters. Of a face with two surfaces either may be given; a face met from a side without
+/// a surface gives the other side's, for it hides what is behind.
 pub type Caster<'a> = dyn Fn(DVec3, DVec3) -> Option<(u32, DVec2)> + Sync + 'a;
 
 /// A point seen from its lit side.
@@ -49,7 +49,8 @@ impl<'a> Shade<'a> {
         Some(Hit { surface: other, uv })
     }
 
-    /// Radiance in W/(m² sr) per band, written to `out`; overshoots of the polynomials below zero are cut off.
+    /// Radiance in W/(m² sr) per band, written to `out`; overshoots of the polynomials below zero are cut
+    /// off.
     pub fn radiance(&self, hit: Hit, out: &mut [f64]) {
         self.solution.radiosity(hit.surface as usize, hit.uv, out);
         for value in out {

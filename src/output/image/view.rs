@@ -18,8 +18,9 @@ pub struct View {
 }
 
 impl View {
-    /// The view of `camera` in `width` × `height` pixels. Its angle is the vertical one, or in upright pictures the horizontal one,
-    /// so that turning a picture upright does not crop it (as Inventor's viewers do).
+    /// The view of `camera` in `width` × `height` pixels. Its angle is the vertical one, or in upright
+    /// pictures the horizontal one, so that turning a picture upright does not crop it (as Inventor's
+    /// viewers do).
     pub fn new(camera: &Camera, width: u32, height: u32) -> View {
         let pixels = DVec2::new(f64::from(width), f64::from(height));
         let (extent, parallel) = match camera.projection {

@@ -1,5 +1,5 @@
-//! A view for scenes without a camera: of many candidates, from the corners inside and from around outside, the one that sees
-//! the most lit area and fills the picture best.
+//! A view for scenes without a camera: of many candidates, from the corners inside and from around outside,
+//! the one that sees the most lit area and fills the picture best.
 
 use std::collections::HashMap;
 use std::f64::consts::{FRAC_PI_8, PI};
@@ -60,7 +60,8 @@ fn look(shade: &Shade, camera: &Camera) -> Vec<Sight> {
     sights
 }
 
-/// Lit area in view, no surface for more than its area, times the root of the share of the picture that shows something.
+/// Lit area in view, no surface for more than its area, times the root of the share of the picture that
+/// shows something.
 fn score(shade: &Shade, sights: &[Sight], typical: f64) -> f64 {
     let mut areas: HashMap<u32, (f64, f64)> = HashMap::new();
     for sight in sights {
@@ -82,7 +83,8 @@ fn score(shade: &Shade, sights: &[Sight], typical: f64) -> f64 {
     lit.iter().sum::<f64>() * filled.sqrt()
 }
 
-/// Up is where light comes from, if it mostly comes from one axis' direction; else along the shortest extent, +Y when in doubt.
+/// Up is where light comes from, if it mostly comes from one axis' direction; else along the shortest
+/// extent, +Y when in doubt.
 fn up(scene: &Scene, extent: DVec3) -> DVec3 {
     let (mut travels, mut total) = (DVec3::ZERO, 0.0);
     for face in &scene.faces {
@@ -138,7 +140,8 @@ fn inside(low: DVec3, high: DVec3, up: DVec3) -> Vec<Camera> {
             .map(|(i, j)| (i as f64, j as f64))
         {
             let position = middle + along(a, 0.88 * i) + along(b, 0.88 * j) + along(up, height);
-            // Not to the very middle: a little past it and down, so that the far walls and the floor are in view.
+            // Not to the very middle: a little past it and down, so that the far walls and the floor are in
+            // view.
             let target = middle - along(a, 0.2 * i) - along(b, 0.2 * j) - along(up, 0.15);
             out.push(camera(position, target, up, ANGLE_INSIDE));
         }
