@@ -184,22 +184,45 @@ mod tests {
         }
     }
 
+    fn check(solution: &Solution) {
+        let mesh = Mesh::new(solution).unwrap();
+        let mut areas = vec![0.0; solution.surfaces.len()];
+        for element in &mesh.elements {
+            areas[element.surface as usize] += element.area_m2;
+        }
+        for (i, (area, surface)) in areas.iter().zip(&solution.surfaces).enumerate() {
+            let off = (area - surface.area_m2).abs() / surface.area_m2;
+            assert!(off < 1e-9, "surface {i}: {area} against {}", surface.area_m2);
+        }
+        check_watertight(&mesh, solution);
+    }
+
     #[test]
     fn surfaces_are_covered_once_and_have_no_cracks() {
         for basis in [Basis::Haar, Basis::M2, Basis::M3] {
             for seed in 0..8 {
-                let solution = rooms::gallery(basis, 5, seed);
-                let mesh = Mesh::new(&solution).unwrap();
-                let mut areas = vec![0.0; solution.surfaces.len()];
-                for element in &mesh.elements {
-                    areas[element.surface as usize] += element.area_m2;
-                }
-                for (i, (area, surface)) in areas.iter().zip(&solution.surfaces).enumerate() {
-                    let off = (area - surface.area_m2).abs() / surface.area_m2;
-                    assert!(off < 1e-9, "{basis:?} surface {i}: {area} against {}", surface.area_m2);
-                }
-                check_watertight(&mesh, &solution);
+                check(&rooms::gallery(basis, 5, seed));
             }
+        }
+    }
+
+    #[test]
+    fn so_are_stars_of_any_shape_in_any_plane() {
+        for seed in 0..150u64 {
+            let mut random = rooms::Random(seed * 77 + 5);
+            let n = 3 + (random.next() * 14.0) as usize;
+            let turn = glam::DQuat::from_scaled_axis(DVec3::new(3.0, 2.0, 1.0) * random.next());
+            let corners: Vec<[f64; 3]> = (0..n)
+                .map(|i| {
+                    // Some on round numbers: there corners meet the borders of cells.
+                    let radius = if seed % 3 == 0 { 1.0 } else { 0.2 + random.next() };
+                    let (sin, cos) = (std::f64::consts::TAU * i as f64 / n as f64).sin_cos();
+                    (turn * DVec3::new(radius * cos, radius * sin, 0.3)).to_array()
+                })
+                .collect();
+            let materials = [([0.5; 3], [0.0; 3])];
+            let scene = rooms::scene("star", &[(&corners, 0)], &materials);
+            check(&rooms::solution(scene, [Basis::Haar, Basis::M3][seed as usize % 2], 6, seed));
         }
     }
 

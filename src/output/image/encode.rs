@@ -10,7 +10,7 @@ use super::render::{Look, display, exposure, irradiance_scale, radiance};
 use super::shade::{Caster, Shade};
 use super::view::View;
 use super::{ImageOptions, viewpoint};
-use crate::output::colour::srgb8;
+use crate::output::colour::srgb;
 use crate::radiosity::Solution;
 use crate::scene::Camera;
 
@@ -58,11 +58,22 @@ pub fn write_png(
         (Look::Exposed(exposure), format!("exposure {exposure:e} on radiance in W/(m2 sr)"))
     };
     let linear = display(&shade, &view, &look, borders.as_ref(), (options.samples, options.threads));
-    let mut bytes: Vec<u8> = linear.iter().map(|v| srgb8(f64::from(*v))).collect();
+    let mut bytes = dithered(&linear, width as usize);
     if let (Look::FalseColour(scale), true) = (&look, legend > 0) {
         bytes.extend(strip(scale, &solution.scene.bands, width));
     }
     encode_png(&bytes, (width, height), &note, out)
+}
+
+/// 8-bit codes, rounded up or down by a fixed pattern of the place (Jimenez's interleaved gradient noise), so that
+/// faint gradients show no bands. Black and white stay what they are.
+fn dithered(linear: &[f32], width: usize) -> Vec<u8> {
+    let code = |(i, value): (usize, &f32)| {
+        let (x, y) = ((i / 3 % width) as f64, (i / 3 / width) as f64);
+        let noise = (52.982_918_9 * (0.067_110_56 * x + 0.005_837_15 * y).fract()).fract();
+        (srgb(f64::from(*value)) * 255.0 + noise) as u8
+    };
+    linear.iter().enumerate().map(code).collect()
 }
 
 fn encode_png(bytes: &[u8], (width, height): (u32, u32), note: &str, out: &mut dyn Write) -> io::Result<()> {
