@@ -12,7 +12,7 @@ use std::collections::HashMap;
 
 use glam::DVec3;
 
-use super::planar::{PLANARITY, diameter, plane, split};
+use super::planar::{PLANARITY, Plane, diameter, plane, split};
 use super::{Camera, Face, Findings, Light, Projection, Scene, Sides};
 
 /// The greatest reflectance.
@@ -142,15 +142,10 @@ impl Repair<'_> {
         if face.vertices.len() > MAX_CORNERS {
             return self.count("face with more than 65536 corners dropped");
         }
-        let extent = diameter(&face.vertices);
-        self.tidy(&mut face.vertices, COINCIDENT * extent);
-        let is_flat = |area: f64| area <= NARROW * extent * extent;
-        let Some(plane) = plane(&face.vertices).filter(|plane| !is_flat(plane.area_m2)) else {
+        let extent = self.tidy(&mut face.vertices);
+        let Some(plane) = plane_with_area(&face.vertices, extent) else {
             return self.count("face without area dropped");
         };
-        if self.is_drawn_twice(&face, seen) {
-            return self.count("face drawn twice dropped");
-        }
         let deviation = plane.deviation(&face.vertices);
         if deviation <= PLANARITY * extent {
             if deviation > EXACT * extent {
@@ -159,22 +154,33 @@ impl Repair<'_> {
             if deviation > ROUNDING * extent {
                 self.count("slightly non-planar face flattened");
             }
-            return valid.push(face);
+            return self.keep(face, seen, valid);
         }
         self.count("non-planar face split into planar pieces");
         for mut vertices in split(&face.vertices, &plane) {
-            let Some(plane) = super::planar::plane(&vertices).filter(|plane| !is_flat(plane.area_m2)) else {
-                continue;
-            };
-            if plane.deviation(&vertices) > EXACT * extent {
+            if let Some(plane) = super::planar::plane(&vertices) {
                 plane.flatten(&mut vertices);
+                self.keep(Face { vertices, ..face }, seen, valid);
             }
-            valid.push(Face { vertices, ..face });
         }
     }
 
-    /// Drops corners that repeat their predecessor, and spikes, in one pass around the polygon.
-    fn tidy(&mut self, vertices: &mut Vec<DVec3>, tolerance: f64) {
+    /// Takes a planar face in, unless it was there before. Flattening and splitting may have made new repeated corners and slivers.
+    fn keep(&mut self, mut face: Face, seen: &mut Seen, valid: &mut Vec<Face>) {
+        let extent = self.tidy(&mut face.vertices);
+        if plane_with_area(&face.vertices, extent).is_none() {
+            self.count("face without area dropped");
+        } else if self.is_drawn_twice(&face, extent, seen) {
+            self.count("face drawn twice dropped");
+        } else {
+            valid.push(face);
+        }
+    }
+
+    /// Drops corners that repeat their predecessor, and spikes, in one pass around the polygon; returns its diameter.
+    fn tidy(&mut self, vertices: &mut Vec<DVec3>) -> f64 {
+        let extent = diameter(vertices);
+        let tolerance = COINCIDENT * extent;
         let mut kept: Vec<DVec3> = Vec::with_capacity(vertices.len());
         for vertex in vertices.iter() {
             self.push(&mut kept, *vertex, tolerance);
@@ -200,6 +206,7 @@ impl Repair<'_> {
         }
         kept.drain(..first);
         *vertices = kept;
+        extent
     }
 
     fn push(&mut self, kept: &mut Vec<DVec3>, vertex: DVec3, tolerance: f64) {
@@ -215,12 +222,14 @@ impl Repair<'_> {
 
     /// Whether the same face was there before: same corners in the same sense (either sense if both show both sides), material
     /// and sides. Coincident faces that differ in those are kept and counted.
-    fn is_drawn_twice(&mut self, face: &Face, seen: &mut Seen) -> bool {
+    fn is_drawn_twice(&mut self, face: &Face, extent: f64, seen: &mut Seen) -> bool {
+        // On a grid finer than anything seen but coarser than the rounding of flattening.
+        let grid = (1e-9 * extent).log2().floor().exp2();
         // `+ 0.0` makes −0 and 0 alike.
-        let bits = |v: &DVec3| (*v + 0.0).to_array().map(f64::to_bits);
-        let mut key = least_rotation(face.vertices.iter().map(bits).collect());
+        let cell = |v: &DVec3| ((*v / grid).round() + 0.0).to_array().map(f64::to_bits);
+        let mut key = least_rotation(face.vertices.iter().map(cell).collect());
         if face.sides == Sides::Two {
-            let reversed = least_rotation(face.vertices.iter().rev().map(bits).collect());
+            let reversed = least_rotation(face.vertices.iter().rev().map(cell).collect());
             key = key.min(reversed);
         }
         let drawn = seen.entry(key).or_default();
@@ -233,6 +242,11 @@ impl Repair<'_> {
         }
         twice
     }
+}
+
+/// The plane of corners that are not a sliver.
+fn plane_with_area(vertices: &[DVec3], extent: f64) -> Option<Plane> {
+    plane(vertices).filter(|plane| plane.area_m2 > NARROW * extent * extent)
 }
 
 /// The rotation of a cyclic sequence that is least in lexicographic order, in linear time (two candidates race; the loser
