@@ -3,7 +3,8 @@
 //! * Reflectance: not a number or below 0 becomes 0; [`MAX_REFLECTANCE`] and above becomes just that, because the equation has
 //!   no solution at 1. Exitance and light intensities: not finite or below 0 become 0.
 //! * Faces: corners that repeat their predecessor, and spikes (there and straight back), are dropped; so are faces with
-//!   unusable coordinates, without area, or drawn twice. Nearly planar faces are flattened, others split ([`super::planar`]).
+//!   unusable coordinates, without area, or drawn twice. Nearly planar faces are flattened, others split ([`super::planar`],
+//!   [`super::pieces`]); a face that overlaps itself is replaced by what it covers.
 //! * Lights and cameras with unusable numbers are dropped.
 //!
 //! Validating a valid scene changes nothing.
@@ -12,7 +13,8 @@ use std::collections::HashMap;
 
 use glam::DVec3;
 
-use super::planar::{PLANARITY, Plane, diameter, plane, split};
+use super::pieces::{covered, split};
+use super::planar::{PLANARITY, Plane, diameter, is_convex, plane};
 use super::{Camera, Face, Findings, Light, Projection, Scene, Sides};
 
 /// The greatest reflectance.
@@ -154,7 +156,7 @@ impl Repair<'_> {
             if deviation > ROUNDING * extent {
                 self.count("slightly non-planar face flattened");
             }
-            return self.keep(face, seen, valid);
+            return self.planar(face, &plane, seen, valid);
         }
         self.count("non-planar face split into planar pieces");
         for mut vertices in split(&face.vertices, &plane) {
@@ -162,6 +164,19 @@ impl Repair<'_> {
                 plane.flatten(&mut vertices);
                 self.keep(Face { vertices, ..face }, seen, valid);
             }
+        }
+    }
+
+    /// Takes a planar face in, or what it covers if it overlaps itself: the exchange of light would count that twice.
+    fn planar(&mut self, face: Face, plane: &Plane, seen: &mut Seen, valid: &mut Vec<Face>) {
+        let pieces = match is_convex(&face.vertices, plane) {
+            true => None,
+            false => covered(&face.vertices, plane),
+        };
+        let Some(pieces) = pieces else { return self.keep(face, seen, valid) };
+        self.count("face that overlaps itself replaced by what it covers");
+        for vertices in pieces {
+            self.keep(Face { vertices, ..face }, seen, valid);
         }
     }
 
