@@ -12,7 +12,7 @@ use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
 
 use wavelet_radiosity::scene::read::inventor::{Limits, parse_within};
-use wavelet_radiosity::scene::{Scene, describe, planar, surfaces, validate};
+use wavelet_radiosity::scene::{Face, Scene, describe, planar, surfaces, validate};
 
 /// No input may take longer.
 const LONGEST: Duration = Duration::from_secs(10);
@@ -129,7 +129,9 @@ fn seeds() -> Vec<Seed> {
 fn mutated(random: &mut Random, seeds: &[Seed]) -> (PathBuf, String) {
     let seed = &seeds[random.below(seeds.len())];
     let mut bytes = piece(random, &seed.bytes, LONGEST_SEED);
-    for _ in 0..1 + random.below(12) {
+    // Few mutations more often than many, so that many inputs get past the grammar.
+    let most = 1 + random.below(8);
+    for _ in 0..1 + random.below(most) {
         mutate(random, &mut bytes, seeds);
     }
     let mut text: String = String::from_utf8_lossy(&bytes).into_owned();
@@ -207,9 +209,16 @@ fn check(scene: &mut Scene) {
         );
     }
     assert!(!describe(scene).is_empty());
-    let faces = scene.faces.clone();
-    validate(scene);
-    assert_eq!(faces.len(), scene.faces.len(), "validating twice changes nothing");
+    // Far from the origin rounding alone can move a face across a threshold.
+    let resolved = |face: &Face| {
+        let size = face.vertices.iter().map(|v| v.length()).fold(0.0, f64::max);
+        planar::diameter(&face.vertices) > 1e-6 * size
+    };
+    if scene.faces.iter().all(resolved) {
+        let faces = scene.faces.len();
+        validate(scene);
+        assert_eq!(faces, scene.faces.len(), "validating twice changes nothing");
+    }
 }
 
 fn from_environment(name: &str, default: u64) -> u64 {

@@ -195,7 +195,7 @@ mod tests {
                     (1, 2),
                     (1, 1),
                 ]),
-                32.5,
+                32.0,
             ),
         ] {
             let pieces = covered(&corners, &plane(&corners).unwrap()).unwrap();

@@ -29,6 +29,8 @@ const ROUNDING: f64 = 1e-6;
 const EXACT: f64 = 1e-12;
 /// Coordinates beyond this are refused, so that no product of them overflows.
 const FARTHEST_M: f64 = 1e30;
+/// Faces smaller than this share of their distance from the origin are refused: rounding has eaten their shape.
+const RESOLVED: f64 = 1e-10;
 /// Faces with more corners are refused: the time to split and enclose them grows with the square.
 const MAX_CORNERS: usize = 65_536;
 
@@ -145,6 +147,10 @@ impl Repair<'_> {
             return self.count("face with more than 65536 corners dropped");
         }
         let extent = self.tidy(&mut face.vertices);
+        let distance = face.vertices.iter().map(|v| v.abs().max_element()).fold(0.0, f64::max);
+        if extent < RESOLVED * distance {
+            return self.count("face too small for its distance from the origin dropped");
+        }
         let Some(plane) = plane_with_area(&face.vertices, extent) else {
             return self.count("face without area dropped");
         };
@@ -162,7 +168,7 @@ impl Repair<'_> {
         for mut vertices in split(&face.vertices, &plane) {
             if let Some(plane) = super::planar::plane(&vertices) {
                 plane.flatten(&mut vertices);
-                self.keep(Face { vertices, ..face }, seen, valid);
+                self.planar(Face { vertices, ..face }, &plane, seen, valid);
             }
         }
     }

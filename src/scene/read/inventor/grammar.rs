@@ -66,7 +66,7 @@ impl<'t> Parser<'t> {
 
     /// A node: `Type { … }`, `DEF name Type { … }` or `USE name`.
     pub(super) fn node(&mut self) -> Result<NodeId, Fault> {
-        match self.lexer.next()? {
+        match self.lexer.take()? {
             (Token::Word("USE"), _) => Ok(self.instance(false)?.0),
             (Token::Word("DEF"), _) => {
                 let (name, _) = self.lexer.name()?;
@@ -83,7 +83,7 @@ impl<'t> Parser<'t> {
     }
 
     fn node_type(&mut self) -> Result<(&'t str, usize), Fault> {
-        match self.lexer.next()? {
+        match self.lexer.take()? {
             (Token::Word(word), at) if is_type_name(word) => Ok((word, at)),
             (token, at) => Err(no_node(&token, at)),
         }
@@ -160,13 +160,13 @@ impl<'t> Parser<'t> {
             let (token, at) = self.lexer.peek()?;
             match token {
                 Token::Mark(b'}') => {
-                    self.lexer.next()?;
+                    self.lexer.take()?;
                     return Ok(());
                 }
                 Token::Word("DEF" | "USE") => node.children.push(self.node()?),
                 Token::Word(field) if self.statement97(field)? => {}
                 Token::Word(field) if is_type_name(field) => {
-                    self.lexer.next()?;
+                    self.lexer.take()?;
                     let form = spec.and_then(|spec| spec.fields.iter().find(|(name, _)| *name == field));
                     match (form, self.lexer.peek_byte()) {
                         (Some((name, form)), _) => match self.field(name, *form, word)? {
@@ -212,7 +212,7 @@ impl<'t> Parser<'t> {
         self.expect_mark(b'[', &format!("`[` after `{what}`"), "write the list in brackets")?;
         let mut words = Vec::new();
         loop {
-            match self.lexer.next()? {
+            match self.lexer.take()? {
                 (Token::Mark(b']'), _) => return Ok(words),
                 (Token::Word(word), _) => words.push(word.to_owned()),
                 (Token::Text(text), _) => words.push(text.into_owned()),
@@ -230,7 +230,7 @@ impl<'t> Parser<'t> {
 
     /// Takes the mark or fails.
     pub(super) fn expect_mark(&mut self, mark: u8, expected: &str, remedy: &str) -> Result<(), Fault> {
-        match self.lexer.next()? {
+        match self.lexer.take()? {
             (Token::Mark(found), _) if found == mark => Ok(()),
             (token, at) => Err(Fault::new(at, expected, token.shown(), remedy)),
         }

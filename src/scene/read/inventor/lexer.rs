@@ -120,11 +120,11 @@ impl<'t> Lexer<'t> {
     /// The next token, without consuming it.
     pub fn peek(&mut self) -> Lexed<'t> {
         self.position();
-        self.clone().next()
+        self.clone().take()
     }
 
     /// The next token.
-    pub fn next(&mut self) -> Lexed<'t> {
+    pub fn take(&mut self) -> Lexed<'t> {
         let start = self.position();
         let token = match self.text.as_bytes().get(start) {
             None => Token::End,
@@ -143,7 +143,7 @@ impl<'t> Lexer<'t> {
         let start = self.position();
         let name = self.run(|b| matches!(b, b'{' | b'}' | b'[' | b']' | b'"'));
         if name.is_empty() {
-            let found = self.clone().next()?.0.shown();
+            let found = self.clone().take()?.0.shown();
             return Err(Fault::new(start, "a name after DEF or USE", found, "give the node a name"));
         }
         Ok((name, start))
@@ -262,7 +262,7 @@ mod tests {
         let mut lexer = Lexer::new(text, vrml97);
         let mut all = Vec::new();
         loop {
-            match lexer.next() {
+            match lexer.take() {
                 Ok((Token::End, _)) => return all,
                 Ok((token, at)) => all.push(format!("{at}:{}", token.shown())),
                 Err(fault) => {

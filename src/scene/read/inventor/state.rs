@@ -58,7 +58,7 @@ impl Coordinates {
     }
 
     /// How many points.
-    pub fn len(&self) -> usize {
+    pub fn count(&self) -> usize {
         self.numbers.len() / self.stride
     }
 

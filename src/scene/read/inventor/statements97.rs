@@ -26,7 +26,7 @@ impl<'t> Parser<'t> {
         if !self.vrml97 || !matches!(self.lexer.peek()?, (Token::Word("IS"), _)) {
             return Ok(false);
         }
-        self.lexer.next()?;
+        self.lexer.take()?;
         let (name, at) = self.identifier("the name of a field of the prototype")?;
         let known = self.interfaces.last().is_some_and(|names| names.contains(&name));
         if known {
@@ -42,9 +42,9 @@ impl<'t> Parser<'t> {
 
     /// `ROUTE node.output TO node.input`.
     fn route(&mut self) -> Result<(), Fault> {
-        self.lexer.next()?;
+        self.lexer.take()?;
         self.route_end()?;
-        match self.lexer.next()? {
+        match self.lexer.take()? {
             (Token::Word("TO"), _) => self.route_end(),
             (token, at) => {
                 Err(Fault::new(at, "`TO`", token.shown(), "write ROUTE node.output TO node.input"))
@@ -68,7 +68,7 @@ impl<'t> Parser<'t> {
 
     /// `PROTO name [ declarations ] { nodes and statements }`.
     fn prototype(&mut self) -> Result<(), Fault> {
-        self.lexer.next()?;
+        self.lexer.take()?;
         let (_, at) = self.identifier("the name of the prototype")?;
         let interface = self.interface(true)?;
         self.expect_mark(b'{', "`{` before the body of the PROTO", "write PROTO name [ … ] { … }")?;
@@ -85,7 +85,7 @@ impl<'t> Parser<'t> {
                 _ => self.node().map(drop)?,
             }
         }
-        self.lexer.next()?;
+        self.lexer.take()?;
         self.names = outside;
         self.interfaces.pop();
         self.skip("PROTO".to_owned());
@@ -94,7 +94,7 @@ impl<'t> Parser<'t> {
 
     /// `EXTERNPROTO name [ declarations ] "url"`.
     fn external_prototype(&mut self) -> Result<(), Fault> {
-        self.lexer.next()?;
+        self.lexer.take()?;
         self.identifier("the name of the prototype")?;
         self.interface(false)?;
         self.any_value("EXTERNPROTO")?;
@@ -112,7 +112,7 @@ impl<'t> Parser<'t> {
         loop {
             match self.lexer.peek()? {
                 (Token::Mark(b']'), _) => {
-                    self.lexer.next()?;
+                    self.lexer.take()?;
                     return Ok(names);
                 }
                 (Token::Word("eventIn" | "eventOut" | "field" | "exposedField"), _) => {
@@ -138,7 +138,7 @@ impl<'t> Parser<'t> {
     }
 
     fn identifier(&mut self, what: &str) -> Result<(&'t str, usize), Fault> {
-        match self.lexer.next()? {
+        match self.lexer.take()? {
             (Token::Word(word), at) if is_type_name(word) => Ok((word, at)),
             (token, at) => Err(Fault::new(at, what, token.shown(), "complete the statement")),
         }
