@@ -1,8 +1,8 @@
-//! Mutated scene files: whatever is done to a real file, the reader neither panics, hangs nor grows without bound, and what it accepts
-//! keeps every promise of a validated scene.
+//! Mutated scene files: whatever is done to a real file, the reader neither panics, hangs nor grows without
+//! bound, and what it accepts keeps every promise of a validated scene.
 //!
-//! `WRAD_FUZZ_SECONDS` sets how long (5), `WRAD_FUZZ_SEED` where the sequence of inputs starts. A failure prints the seed of its input:
-//! started with it, the same input comes first.
+//! `WRAD_FUZZ_SECONDS` sets how long (5), `WRAD_FUZZ_SEED` where the sequence of inputs starts. A failure
+//! prints the seed of its input: started with it, the same input comes first.
 
 use std::fmt::Write;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -18,7 +18,8 @@ use wavelet_radiosity::scene::{Face, Scene, describe, planar, surfaces, validate
 const LONGEST: Duration = Duration::from_secs(10);
 /// The process may not grow beyond this.
 const LARGEST_KIB: u64 = 1 << 20;
-/// Longer seed files are cut to a random piece of this length, header kept: small inputs are tried more often.
+/// Longer seed files are cut to a random piece of this length, header kept: small inputs are tried more
+/// often.
 const LONGEST_SEED: usize = 20_000;
 const HEADERS: [&str; 3] = ["#Inventor V2.1 ascii\n", "#VRML V1.0 ascii\n", "#VRML V2.0 utf8\n"];
 /// Pieces that mean something to the grammar or break what is taken for granted.

@@ -1,4 +1,5 @@
-//! Real scene files: all of Coin's compliance models, SGI's models and converted interiors load or give one clear error.
+//! Real scene files: all of Coin's compliance models, SGI's models and converted interiors load or give one
+//! clear error.
 //!
 //! The files lie beside the project in `../shared`; without them these tests say so and pass.
 
@@ -51,8 +52,21 @@ fn the_reference_scenes_load_clean() {
     }
 }
 
-/// Polygons as counted in the files by an independent program, plus those of tessellated cylinder sides (12 each) and spheres
-/// (72 each), plus pieces of non-planar faces, less duplicates.
+/// One of every node that is interpreted, against a recorded description.
+#[test]
+fn everything_reads_as_recorded() {
+    // Cargo runs tests in the package's folder, so the places in findings are the same everywhere.
+    for name in ["everything.iv", "everything.wrl"] {
+        let path = Path::new("tests/data").join(name);
+        let found = describe(&load(&path));
+        let recorded = path.with_file_name(format!("{name}.txt"));
+        let expected = std::fs::read_to_string(&recorded).unwrap_or_default();
+        assert_eq!(found, expected, "{name} differs from {}:\n{found}", recorded.display());
+    }
+}
+
+/// Polygons as counted in the files by an independent program, plus those of tessellated cylinder sides (12
+/// each) and spheres (72 each), plus pieces of non-planar faces, less duplicates.
 #[test]
 fn interiors_have_the_polygons_of_their_files() {
     let Some(folder) = shared("") else { return };

@@ -1,4 +1,5 @@
-//! What Inventor nodes mean: transformations, windings, bindings, instances, repairs and error positions, on small scenes.
+//! What Inventor nodes mean: transformations, windings, bindings, instances, repairs and error positions, on
+//! small scenes.
 
 use std::path::Path;
 
@@ -48,7 +49,8 @@ fn transforms_compose_like_row_vectors() {
 
 #[test]
 fn transform_scales_about_its_center_along_turned_axes() {
-    // Scaling by 2 along the diagonal x = y about (1, 1): (0, 0) goes to (−1, −1), (1, 0) and (0, 1) by half of that.
+    // Scaling by 2 along the diagonal x = y about (1, 1): (0, 0) goes to (−1, −1), (1, 0) and (0, 1) by half
+    // of that.
     let scene = scene(&format!(
         "Transform {{ center 1 1 0 scaleFactor 2 1 1 scaleOrientation 0 0 1 0.7853981634 }} {SQUARE}"
     ));

@@ -1,6 +1,8 @@
-//! Polygons that one surface cannot carry, cut into ones that it can: triangles, joined again as far as they may be.
+//! Polygons that one surface cannot carry, cut into ones that it can: triangles, joined again as far as they
+//! may be.
 //!
-//! Joining along one shared edge at a time keeps every piece a closed walk around its region: holes end up reached by bridge edges.
+//! Joining along one shared edge at a time keeps every piece a closed walk around its region: holes end up
+//! reached by bridge edges.
 
 use std::collections::HashMap;
 
@@ -67,7 +69,8 @@ fn pick(indices: &[u32], vertices: &[DVec3]) -> Vec<DVec3> {
     indices.iter().map(|i| vertices[*i as usize]).collect()
 }
 
-/// The triangles of a polygon, counter-clockwise, joined where `may_join` allows; `holes` are the starts of hole contours.
+/// The triangles of a polygon, counter-clockwise, joined where `may_join` allows; `holes` are the starts of
+/// hole contours.
 fn pieces(flat: &[[f64; 2]], holes: &[u32], may_join: impl Fn(&[u32]) -> bool) -> Vec<Vec<u32>> {
     let mut indices: Vec<u32> = Vec::new();
     earcut::Earcut::new().earcut(flat.iter().copied(), holes, &mut indices);
@@ -113,7 +116,8 @@ fn join(pieces: &mut Vec<Vec<u32>>, may_join: impl Fn(&[u32]) -> bool) {
     }
 }
 
-/// `piece` with edge number `at`, which ends before corner `at + 1`, replaced by the way around `other` from `start`.
+/// `piece` with edge number `at`, which ends before corner `at + 1`, replaced by the way around `other` from
+/// `start`.
 fn spliced(piece: &[u32], at: usize, other: &[u32], start: u32) -> Vec<u32> {
     let n = other.len();
     let from = other.iter().position(|i| *i == start).unwrap_or(0);

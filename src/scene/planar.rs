@@ -1,14 +1,15 @@
 //! Planarity: the best-fit plane of a polygon, and flattening onto it.
 //!
-//! The plane is Newell's: its normal is the polygon's vector area, exact for planar polygons, concave ones and ones with bridge
-//! edges included; it passes through the mean of the corners.
+//! The plane is Newell's: its normal is the polygon's vector area, exact for planar polygons, concave ones
+//! and ones with bridge edges included; it passes through the mean of the corners.
 
 use glam::DVec3;
 
 /// A polygon counts as planar when no corner is farther from its plane than this share of its diameter.
 ///
-/// In the real scenes this was chosen by, rounding of the file's numbers stays below 1e-4 and deliberate twist begins above 1e-3,
-/// with nothing in between; on a wall of 10 m it is 1 mm, below what visibility and transport resolve.
+/// In the real scenes this was chosen by, rounding of the file's numbers stays below 1e-4 and deliberate
+/// twist begins above 1e-3, with nothing in between; on a wall of 10 m it is 1 mm, below what visibility and
+/// transport resolve.
 pub const PLANARITY: f64 = 1e-4;
 
 /// A plane: `normal · x = offset`.

@@ -1,10 +1,10 @@
 //! The rules by which scenes are repaired, each counted in the findings with its first place.
 //!
-//! * Reflectance: not a number or below 0 becomes 0; [`MAX_REFLECTANCE`] and above becomes just that, because the equation has
-//!   no solution at 1. Exitance and light intensities: not finite or below 0 become 0.
-//! * Faces: corners that repeat their predecessor, and spikes (there and straight back), are dropped; so are faces with
-//!   unusable coordinates, without area, or drawn twice. Nearly planar faces are flattened, others split ([`super::planar`],
-//!   [`super::pieces`]); a face that overlaps itself is replaced by what it covers.
+//! * Reflectance: not a number or below 0 becomes 0; [`MAX_REFLECTANCE`] and above becomes just that, because
+//!   the equation has no solution at 1. Exitance and light intensities: not finite or below 0 become 0.
+//! * Faces: corners that repeat their predecessor, and spikes (there and straight back), are dropped; so are
+//!   faces with unusable coordinates, without area, or drawn twice. Nearly planar faces are flattened, others
+//!   split ([`super::planar`], [`super::pieces`]); a face that overlaps itself is replaced by what it covers.
 //! * Lights and cameras with unusable numbers are dropped.
 //!
 //! Validating a valid scene changes nothing.
@@ -19,7 +19,8 @@ use super::{Camera, Face, Findings, Light, Projection, Scene, Sides};
 
 /// The greatest reflectance.
 pub const MAX_REFLECTANCE: f64 = 0.999;
-/// Corners nearer to each other than this share of the face's diameter are one: the rounding of single precision.
+/// Corners nearer to each other than this share of the face's diameter are one: the rounding of single
+/// precision.
 const COINCIDENT: f64 = 1e-7;
 /// A face has no area when it is narrower than this share of its length: its normal would be rounding noise.
 const NARROW: f64 = 1e-7;
@@ -29,7 +30,8 @@ const ROUNDING: f64 = 1e-6;
 const EXACT: f64 = 1e-12;
 /// Coordinates beyond this are refused, so that no product of them overflows.
 const FARTHEST_M: f64 = 1e30;
-/// Faces smaller than this share of their distance from the origin are refused: rounding has eaten their shape.
+/// Faces smaller than this share of their distance from the origin are refused: rounding has eaten their
+/// shape.
 const RESOLVED: f64 = 1e-10;
 /// Faces with more corners are refused: the time to split and enclose them grows with the square.
 const MAX_CORNERS: usize = 65_536;
@@ -173,7 +175,8 @@ impl Repair<'_> {
         }
     }
 
-    /// Takes a planar face in, or what it covers if it overlaps itself: the exchange of light would count that twice.
+    /// Takes a planar face in, or what it covers if it overlaps itself: the exchange of light would count
+    /// that twice.
     fn planar(&mut self, face: Face, plane: &Plane, seen: &mut Seen, valid: &mut Vec<Face>) {
         let pieces = match is_convex(&face.vertices, plane) {
             true => None,
@@ -186,7 +189,8 @@ impl Repair<'_> {
         }
     }
 
-    /// Takes a planar face in, unless it was there before. Flattening and splitting may have made new repeated corners and slivers.
+    /// Takes a planar face in, unless it was there before. Flattening and splitting may have made new
+    /// repeated corners and slivers.
     fn keep(&mut self, mut face: Face, seen: &mut Seen, valid: &mut Vec<Face>) {
         let extent = self.tidy(&mut face.vertices);
         if plane_with_area(&face.vertices, extent).is_none() {
@@ -198,7 +202,8 @@ impl Repair<'_> {
         }
     }
 
-    /// Drops corners that repeat their predecessor, and spikes, in one pass around the polygon; returns its diameter.
+    /// Drops corners that repeat their predecessor, and spikes, in one pass around the polygon; returns its
+    /// diameter.
     fn tidy(&mut self, vertices: &mut Vec<DVec3>) -> f64 {
         let extent = diameter(vertices);
         let tolerance = COINCIDENT * extent;
@@ -241,8 +246,8 @@ impl Repair<'_> {
         }
     }
 
-    /// Whether the same face was there before: same corners in the same sense (either sense if both show both sides), material
-    /// and sides. Coincident faces that differ in those are kept and counted.
+    /// Whether the same face was there before: same corners in the same sense (either sense if both show both
+    /// sides), material and sides. Coincident faces that differ in those are kept and counted.
     fn is_drawn_twice(&mut self, face: &Face, extent: f64, seen: &mut Seen) -> bool {
         // On a grid finer than anything seen but coarser than the rounding of flattening.
         let grid = (1e-9 * extent).log2().floor().exp2();
@@ -270,8 +275,8 @@ fn plane_with_area(vertices: &[DVec3], extent: f64) -> Option<Plane> {
     plane(vertices).filter(|plane| plane.area_m2 > NARROW * extent * extent)
 }
 
-/// The rotation of a cyclic sequence that is least in lexicographic order, in linear time (two candidates race; the loser
-/// skips what it has matched).
+/// The rotation of a cyclic sequence that is least in lexicographic order, in linear time (two candidates
+/// race; the loser skips what it has matched).
 fn least_rotation<T: Ord + Clone>(mut items: Vec<T>) -> Vec<T> {
     let n = items.len();
     let (mut i, mut j, mut k) = (0, 1, 0);

@@ -1,9 +1,9 @@
 //! Tokens → [`Document`]: the grammar of Open Inventor and VRML text.
 //!
-//! A hand-written recursive descent instead of a combinator library: whether `name` starts a child node, a field of a known form or
-//! an unknown field depends on the node type around it and on one token of look-ahead; every error names what the schema
-//! wants at that very column; and numbers, nine tenths of any file, are parsed in place without becoming tokens.
-//! Recursion is bounded by [`MAX_DEPTH`].
+//! A hand-written recursive descent instead of a combinator library: whether `name` starts a child node, a
+//! field of a known form or an unknown field depends on the node type around it and on one token of
+//! look-ahead; every error names what the schema wants at that very column; and numbers, nine tenths of any
+//! file, are parsed in place without becoming tokens. Recursion is bounded by [`MAX_DEPTH`].
 
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
@@ -89,8 +89,8 @@ impl<'t> Parser<'t> {
         }
     }
 
-    /// What follows `USE`: the node, and whether the name of an output is glued to its name, which only a connection allows:
-    /// `= USE name.output`.
+    /// What follows `USE`: the node, and whether the name of an output is glued to its name, which only a
+    /// connection allows: `= USE name.output`.
     pub(super) fn instance(&mut self, connected: bool) -> Result<(NodeId, bool), Fault> {
         let (name, at) = self.lexer.name()?;
         if let Some(id) = self.names.get(name) {
@@ -144,7 +144,7 @@ impl<'t> Parser<'t> {
         let mut node = Node { kind, at, name: name.map(Box::from), fields: Vec::new(), children: Vec::new() };
         self.body(word, spec, &mut node)?;
         self.depth -= 1;
-        if node.kind == Kind::Other {
+        if node.kind == Kind::Other && node.nodes("alternateRep").is_empty() {
             self.skip(word.to_owned());
         }
         if node.numbers("transparency").is_some_and(|shares| shares.iter().any(|share| *share > 0.0)) {
@@ -207,7 +207,8 @@ impl<'t> Parser<'t> {
         }
     }
 
-    /// A list of bare or quoted words in brackets, such as the `fields [ SFFloat x ]` of self-describing nodes.
+    /// A list of bare or quoted words in brackets, such as the `fields [ SFFloat x ]` of self-describing
+    /// nodes.
     pub(super) fn word_list(&mut self, what: &str) -> Result<Vec<String>, Fault> {
         self.expect_mark(b'[', &format!("`[` after `{what}`"), "write the list in brackets")?;
         let mut words = Vec::new();

@@ -1,11 +1,13 @@
 //! Characters → tokens of Open Inventor and VRML text, every token with the byte offset where it starts.
 //!
-//! Commas count as white space, as the format's own reader treats them wherever real files put them. A comment runs from `#` to the
-//! end of the line. Lines end in `\n`, `\r\n` or (old Macintosh files) a lone `\r`.
+//! Commas count as white space, as the format's own reader treats them wherever real files put them. A
+//! comment runs from `#` to the end of the line. Lines end in `\n`, `\r\n` or (old Macintosh files) a lone
+//! `\r`.
 
 use std::borrow::Cow;
 
-/// A fault in the text: where, and what the reader makes of it. [`super::grammar`] turns it into an error with a file name.
+/// A fault in the text: where, and what the reader makes of it. the caller turns it into an error with a file
+/// name.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fault {
     /// Byte offset into the text.
@@ -62,19 +64,6 @@ fn shortened(text: &str) -> String {
         shown.push('…');
     }
     shown
-}
-
-/// Line and column, both from 1, of byte `at`; columns count characters.
-pub fn line_and_column(text: &str, at: usize) -> (usize, usize) {
-    let mut at = at.min(text.len());
-    while !text.is_char_boundary(at) {
-        at -= 1;
-    }
-    let bytes = text.as_bytes();
-    let ends_line = |i: usize| bytes[i] == b'\n' || (bytes[i] == b'\r' && bytes.get(i + 1) != Some(&b'\n'));
-    let line = (0..at).filter(|i| ends_line(*i)).count() + 1;
-    let start = (0..at).rev().find(|i| ends_line(*i)).map_or(0, |i| i + 1);
-    (line, text[start..at].chars().count() + 1)
 }
 
 /// The tokens of a text, on demand.
@@ -180,7 +169,8 @@ impl<'t> Lexer<'t> {
         Some(value)
     }
 
-    /// The bytes up to white space, a comma, or a byte that `ends` a word; never empty unless such a byte comes first.
+    /// The bytes up to white space, a comma, or a byte that `ends` a word; never empty unless such a byte
+    /// comes first.
     fn run(&mut self, ends: impl Fn(u8) -> bool) -> &'t str {
         let start = self.at;
         let rest = &self.text.as_bytes()[start..];
@@ -192,8 +182,8 @@ impl<'t> Lexer<'t> {
 
     /// A string from its opening quote at `start`.
     ///
-    /// Inventor escapes only the quote, and a backslash before a quote that ends the line stands for itself: `"C:\"` is a
-    /// whole string there. VRML97 escapes whatever follows a backslash.
+    /// Inventor escapes only the quote, and a backslash before a quote that ends the line stands for itself:
+    /// `"C:\"` is a whole string there. VRML97 escapes whatever follows a backslash.
     fn string(&mut self, start: usize) -> Result<Cow<'t, str>, Fault> {
         let bytes = self.text.as_bytes();
         let mut out: Option<String> = None;
@@ -307,13 +297,5 @@ mod tests {
             (Some(8), Some(-16), Some(8))
         );
         assert_eq!((parse_integer("1.5"), parse_integer("99999999999999999999")), (None, None));
-    }
-
-    #[test]
-    fn columns_count_characters_and_lines_end_three_ways() {
-        let text = "a\r\nb\rç d\ne";
-        assert_eq!(line_and_column(text, text.find('d').unwrap()), (3, 3));
-        assert_eq!(line_and_column(text, text.len()), (4, 2));
-        assert_eq!(line_and_column(text, 99), (4, 2));
     }
 }

@@ -1,4 +1,5 @@
-//! Shapes made of vertices → polygons as lists of corners: `FaceSet`, `IndexedFaceSet`, strips and `QuadMesh`.
+//! Shapes made of vertices → polygons as lists of corners: `FaceSet`, `IndexedFaceSet`, strips and
+//! `QuadMesh`.
 
 use super::document::Node;
 use super::schema::Kind;
@@ -31,7 +32,8 @@ pub struct Polygon<'a> {
     pub face: usize,
 }
 
-/// Calls `visit` for every polygon of a vertex-based shape with `points` coordinates; stops at the first error.
+/// Calls `visit` for every polygon of a vertex-based shape with `points` coordinates; stops at the first
+/// error.
 pub fn for_each(node: &Node, points: usize, visit: &mut Visit) -> Result<(), ReadError> {
     match node.kind {
         Kind::IndexedFaceSet => {

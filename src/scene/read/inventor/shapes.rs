@@ -52,7 +52,8 @@ pub(super) fn polygons(walker: &mut Walker, here: Here, state: &State) -> Result
     })
 }
 
-/// Cube, sphere, cone or cylinder. Their faces are counter-clockwise from outside whatever `ShapeHints` says of vertex lists.
+/// Cube, sphere, cone or cylinder. Their faces are counter-clockwise from outside whatever `ShapeHints` says
+/// of vertex lists.
 pub(super) fn solid(walker: &mut Walker, here: Here, state: &State) -> Result<(), ReadError> {
     if !is_drawn(walker, state) {
         return Ok(());

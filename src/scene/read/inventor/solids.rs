@@ -1,7 +1,8 @@
 //! Cube, sphere, cone and cylinder → planar polygons, counter-clockwise from outside.
 //!
-//! Curved ones are inscribed polyhedra: `n = 4 + 4·round(4·complexity)` sides around (12 at the default complexity of 0.5, where a
-//! cylinder's side lacks 1.1 % of its area; 20 at most), `n/2` rings from pole to pole. Every quadrilateral is an isosceles trapezoid or a rectangle, hence planar under any affine map.
+//! Curved ones are inscribed polyhedra: `n = 4 + 4·round(4·complexity)` sides around (12 at the default
+//! complexity of 0.5, where a cylinder's side lacks 1.1 % of its area; 20 at most), `n/2` rings from pole to
+//! pole. Every quadrilateral is an isosceles trapezoid or a rectangle, hence planar under any affine map.
 
 use std::f64::consts::{PI, TAU};
 

@@ -1,6 +1,8 @@
-//! The statements VRML97 adds to the grammar: `PROTO`, `EXTERNPROTO`, `ROUTE`, interface declarations of scripts, and `IS`.
+//! The statements VRML97 adds to the grammar: `PROTO`, `EXTERNPROTO`, `ROUTE`, interface declarations of
+//! scripts, and `IS`.
 //!
-//! They are checked and left out: a prototype's instances count as skipped nodes, and nothing moves here that a route could drive.
+//! They are checked and left out: a prototype's instances count as skipped nodes, and nothing moves here that
+//! a route could drive.
 
 use super::grammar::{Parser, is_type_name};
 use super::lexer::{Fault, Token};
@@ -21,7 +23,8 @@ impl<'t> Parser<'t> {
         Ok(true)
     }
 
-    /// Whether the value of a field is `IS name`, which is then read: a connection to the interface of the prototype around it.
+    /// Whether the value of a field is `IS name`, which is then read: a connection to the interface of the
+    /// prototype around it.
     pub(super) fn is_connection97(&mut self) -> Result<bool, Fault> {
         if !self.vrml97 || !matches!(self.lexer.peek()?, (Token::Word("IS"), _)) {
             return Ok(false);

@@ -30,7 +30,8 @@ impl<'t> Parser<'t> {
         self.suffixes().map(drop)
     }
 
-    /// What may follow a value: a connection `= Node { … } . output`, which is read and dropped, and the flag `~`, which is returned.
+    /// What may follow a value: a connection `= Node { … } . output`, which is read and dropped, and the flag
+    /// `~`, which is returned.
     fn suffixes(&mut self) -> Result<bool, Fault> {
         let mut ignored = false;
         loop {
@@ -237,7 +238,8 @@ impl<'t> Parser<'t> {
         }
     }
 
-    /// Any value, recognised by its shape: a bracketed list, a bit mask, numbers, a string, a node, or a single word.
+    /// Any value, recognised by its shape: a bracketed list, a bit mask, numbers, a string, a node, or a
+    /// single word.
     pub(super) fn any_value(&mut self, field: &str) -> Result<(), Fault> {
         match self.lexer.peek()? {
             (Token::Mark(b'['), _) => {
