@@ -2,6 +2,7 @@
 
 pub mod describe;
 pub mod model;
+pub mod pieces;
 pub mod planar;
 pub mod read;
 pub mod split;

@@ -1,7 +1,8 @@
 //! Faces → surfaces: one per lit side, each with the parallelogram that carries its function space.
 //!
-//! A face that is a parallelogram is its own. Any other is enclosed by the smallest rectangle with a side along one of its edges: for a
-//! triangle that is twice its area, as small as a parallelogram can be; for concave faces it lines the elements up with an edge.
+//! A face that is a parallelogram is its own. Any other is enclosed by the smallest rectangle with a side
+//! along one of its edges: for a triangle that is twice its area, as small as a parallelogram can be; for
+//! concave faces it lines the elements up with an edge.
 
 use glam::{DVec2, DVec3};
 
@@ -9,11 +10,13 @@ use super::planar::{Plane, diameter, plane};
 use super::{Face, Frame, Scene, Sides, Surface};
 use crate::math::polygon;
 
-/// Corners off the line of their neighbours by no more than this share of the diameter are dropped from the outline.
+/// Corners off the line of their neighbours by no more than this share of the diameter are dropped from the
+/// outline.
 const STRAIGHT: f64 = 1e-9;
 /// A quadrilateral whose fourth corner misses by no more than this share of its diameter is a parallelogram.
 const PARALLEL: f64 = 1e-6;
-/// An enclosing rectangle must be smaller by this share to be preferred to an earlier one, so that ties go by the file's order.
+/// An enclosing rectangle must be smaller by this share to be preferred to an earlier one, so that ties go by
+/// the file's order.
 const SMALLER: f64 = 1e-9;
 
 /// The surfaces of a valid scene, in the order of its faces, front before back.
@@ -72,7 +75,8 @@ fn back_of(front: &Surface) -> Surface {
     }
 }
 
-/// The corners without those on a straight line between their neighbours. The turning points of bridge edges stay.
+/// The corners without those on a straight line between their neighbours. The turning points of bridge edges
+/// stay.
 fn without_straight(vertices: &[DVec3], plane: &Plane) -> Vec<DVec3> {
     let tolerance = STRAIGHT * diameter(vertices);
     let mut kept: Vec<DVec3> = Vec::with_capacity(vertices.len());
@@ -194,7 +198,8 @@ impl Hull {
         self.reach(axis) + self.reach(-axis)
     }
 
-    /// The greatest `axis · p`: at the corner between the edges before and after the direction perpendicular to `axis`.
+    /// The greatest `axis · p`: at the corner between the edges before and after the direction perpendicular
+    /// to `axis`.
     fn reach(&self, axis: DVec2) -> f64 {
         let tangent = from_down(axis.x.atan2(-axis.y));
         let n = self.corners.len();

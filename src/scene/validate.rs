@@ -1,9 +1,10 @@
 //! The rules by which scenes are repaired, each counted in the findings with its first place.
 //!
-//! * Reflectance: not a number or below 0 becomes 0; [`MAX_REFLECTANCE`] and above becomes just that, because the equation has
-//!   no solution at 1. Exitance and light intensities: not finite or below 0 become 0.
-//! * Faces: corners that repeat their predecessor, and spikes (there and straight back), are dropped; so are faces with
-//!   unusable coordinates, without area, or drawn twice. Nearly planar faces are flattened, others split ([`super::planar`]).
+//! * Reflectance: not a number or below 0 becomes 0; [`MAX_REFLECTANCE`] and above becomes just that, because
+//!   the equation has no solution at 1. Exitance and light intensities: not finite or below 0 become 0.
+//! * Faces: corners that repeat their predecessor, and spikes (there and straight back), are dropped; so are
+//!   faces with unusable coordinates, without area, or drawn twice. Nearly planar faces are flattened, others
+//!   split ([`super::planar`], [`super::pieces`]); a face that overlaps itself is replaced by what it covers.
 //! * Lights and cameras with unusable numbers are dropped.
 //!
 //! Validating a valid scene changes nothing.
@@ -12,12 +13,14 @@ use std::collections::HashMap;
 
 use glam::DVec3;
 
-use super::planar::{PLANARITY, diameter, plane, split};
+use super::pieces::{covered, split};
+use super::planar::{PLANARITY, Plane, diameter, is_convex, plane};
 use super::{Camera, Face, Findings, Light, Projection, Scene, Sides};
 
 /// The greatest reflectance.
 pub const MAX_REFLECTANCE: f64 = 0.999;
-/// Corners nearer to each other than this share of the face's diameter are one: the rounding of single precision.
+/// Corners nearer to each other than this share of the face's diameter are one: the rounding of single
+/// precision.
 const COINCIDENT: f64 = 1e-7;
 /// A face has no area when it is narrower than this share of its length: its normal would be rounding noise.
 const NARROW: f64 = 1e-7;
@@ -27,6 +30,9 @@ const ROUNDING: f64 = 1e-6;
 const EXACT: f64 = 1e-12;
 /// Coordinates beyond this are refused, so that no product of them overflows.
 const FARTHEST_M: f64 = 1e30;
+/// Faces smaller than this share of their distance from the origin are refused: rounding has eaten their
+/// shape.
+const RESOLVED: f64 = 1e-10;
 /// Faces with more corners are refused: the time to split and enclose them grows with the square.
 const MAX_CORNERS: usize = 65_536;
 
@@ -142,15 +148,14 @@ impl Repair<'_> {
         if face.vertices.len() > MAX_CORNERS {
             return self.count("face with more than 65536 corners dropped");
         }
-        let extent = diameter(&face.vertices);
-        self.tidy(&mut face.vertices, COINCIDENT * extent);
-        let is_flat = |area: f64| area <= NARROW * extent * extent;
-        let Some(plane) = plane(&face.vertices).filter(|plane| !is_flat(plane.area_m2)) else {
+        let extent = self.tidy(&mut face.vertices);
+        let distance = face.vertices.iter().map(|v| v.abs().max_element()).fold(0.0, f64::max);
+        if extent < RESOLVED * distance {
+            return self.count("face too small for its distance from the origin dropped");
+        }
+        let Some(plane) = plane_with_area(&face.vertices, extent) else {
             return self.count("face without area dropped");
         };
-        if self.is_drawn_twice(&face, seen) {
-            return self.count("face drawn twice dropped");
-        }
         let deviation = plane.deviation(&face.vertices);
         if deviation <= PLANARITY * extent {
             if deviation > EXACT * extent {
@@ -159,22 +164,49 @@ impl Repair<'_> {
             if deviation > ROUNDING * extent {
                 self.count("slightly non-planar face flattened");
             }
-            return valid.push(face);
+            return self.planar(face, &plane, seen, valid);
         }
         self.count("non-planar face split into planar pieces");
         for mut vertices in split(&face.vertices, &plane) {
-            let Some(plane) = super::planar::plane(&vertices).filter(|plane| !is_flat(plane.area_m2)) else {
-                continue;
-            };
-            if plane.deviation(&vertices) > EXACT * extent {
+            if let Some(plane) = super::planar::plane(&vertices) {
                 plane.flatten(&mut vertices);
+                self.planar(Face { vertices, ..face }, &plane, seen, valid);
             }
-            valid.push(Face { vertices, ..face });
         }
     }
 
-    /// Drops corners that repeat their predecessor, and spikes, in one pass around the polygon.
-    fn tidy(&mut self, vertices: &mut Vec<DVec3>, tolerance: f64) {
+    /// Takes a planar face in, or what it covers if it overlaps itself: the exchange of light would count
+    /// that twice.
+    fn planar(&mut self, face: Face, plane: &Plane, seen: &mut Seen, valid: &mut Vec<Face>) {
+        let pieces = match is_convex(&face.vertices, plane) {
+            true => None,
+            false => covered(&face.vertices, plane),
+        };
+        let Some(pieces) = pieces else { return self.keep(face, seen, valid) };
+        self.count("face that overlaps itself replaced by what it covers");
+        for vertices in pieces {
+            self.keep(Face { vertices, ..face }, seen, valid);
+        }
+    }
+
+    /// Takes a planar face in, unless it was there before. Flattening and splitting may have made new
+    /// repeated corners and slivers.
+    fn keep(&mut self, mut face: Face, seen: &mut Seen, valid: &mut Vec<Face>) {
+        let extent = self.tidy(&mut face.vertices);
+        if plane_with_area(&face.vertices, extent).is_none() {
+            self.count("face without area dropped");
+        } else if self.is_drawn_twice(&face, extent, seen) {
+            self.count("face drawn twice dropped");
+        } else {
+            valid.push(face);
+        }
+    }
+
+    /// Drops corners that repeat their predecessor, and spikes, in one pass around the polygon; returns its
+    /// diameter.
+    fn tidy(&mut self, vertices: &mut Vec<DVec3>) -> f64 {
+        let extent = diameter(vertices);
+        let tolerance = COINCIDENT * extent;
         let mut kept: Vec<DVec3> = Vec::with_capacity(vertices.len());
         for vertex in vertices.iter() {
             self.push(&mut kept, *vertex, tolerance);
@@ -200,6 +232,7 @@ impl Repair<'_> {
         }
         kept.drain(..first);
         *vertices = kept;
+        extent
     }
 
     fn push(&mut self, kept: &mut Vec<DVec3>, vertex: DVec3, tolerance: f64) {
@@ -213,14 +246,16 @@ impl Repair<'_> {
         }
     }
 
-    /// Whether the same face was there before: same corners in the same sense (either sense if both show both sides), material
-    /// and sides. Coincident faces that differ in those are kept and counted.
-    fn is_drawn_twice(&mut self, face: &Face, seen: &mut Seen) -> bool {
+    /// Whether the same face was there before: same corners in the same sense (either sense if both show both
+    /// sides), material and sides. Coincident faces that differ in those are kept and counted.
+    fn is_drawn_twice(&mut self, face: &Face, extent: f64, seen: &mut Seen) -> bool {
+        // On a grid finer than anything seen but coarser than the rounding of flattening.
+        let grid = (1e-9 * extent).log2().floor().exp2();
         // `+ 0.0` makes −0 and 0 alike.
-        let bits = |v: &DVec3| (*v + 0.0).to_array().map(f64::to_bits);
-        let mut key = least_rotation(face.vertices.iter().map(bits).collect());
+        let cell = |v: &DVec3| ((*v / grid).round() + 0.0).to_array().map(f64::to_bits);
+        let mut key = least_rotation(face.vertices.iter().map(cell).collect());
         if face.sides == Sides::Two {
-            let reversed = least_rotation(face.vertices.iter().rev().map(bits).collect());
+            let reversed = least_rotation(face.vertices.iter().rev().map(cell).collect());
             key = key.min(reversed);
         }
         let drawn = seen.entry(key).or_default();
@@ -235,8 +270,13 @@ impl Repair<'_> {
     }
 }
 
-/// The rotation of a cyclic sequence that is least in lexicographic order, in linear time (two candidates race; the loser
-/// skips what it has matched).
+/// The plane of corners that are not a sliver.
+fn plane_with_area(vertices: &[DVec3], extent: f64) -> Option<Plane> {
+    plane(vertices).filter(|plane| plane.area_m2 > NARROW * extent * extent)
+}
+
+/// The rotation of a cyclic sequence that is least in lexicographic order, in linear time (two candidates
+/// race; the loser skips what it has matched).
 fn least_rotation<T: Ord + Clone>(mut items: Vec<T>) -> Vec<T> {
     let n = items.len();
     let (mut i, mut j, mut k) = (0, 1, 0);

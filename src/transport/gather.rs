@@ -289,6 +289,7 @@ impl<'a, const N: usize> Gather<'a, N> {
             emitter.corners(&self.packet.frame),
             self.packet.frame.normal,
             self.scratch.candidates[start..end].iter().flat_map(|f| faces.pieces(*f)),
+            &mut self.scratch.fragments,
         )
     }
 

@@ -9,6 +9,7 @@ use glam::{DVec2, DVec3};
 use super::gather::{Candidates, Gather, Points, Tolerance, narrow, norm};
 use super::packet::{Packet, Shape, cell_corners};
 use super::samples::{MAX_SAMPLES, Projected, SampleRule};
+use super::unblocked::Fragments;
 use super::work::Work;
 use crate::math::basis::MAX_FUNCTIONS;
 use crate::math::{Cell, Split, polygon};
@@ -62,6 +63,8 @@ pub struct Rules {
 pub struct Scratch {
     /// Stack of blocker lists.
     pub candidates: Vec<u32>,
+    /// Parts of emitter cells left visible.
+    pub fragments: Fragments,
     /// What was done.
     pub work: Work,
 }

@@ -12,7 +12,15 @@ const MAX_CORNERS: usize = 16;
 /// Fragments, at most; beyond them the caller samples instead.
 const MAX_FRAGMENTS: usize = 48;
 
-#[derive(Clone, Copy)]
+/// Fragments of the call at hand, kept between calls.
+#[derive(Clone, Debug, Default)]
+pub struct Fragments {
+    whole: Vec<Fragment>,
+    kept: Vec<Fragment>,
+}
+
+/// A polygon seen from the eye.
+#[derive(Clone, Copy, Debug)]
 struct Fragment {
     count: usize,
     corners: [DVec3; MAX_CORNERS],
@@ -39,6 +47,9 @@ impl Fragment {
 
     /// The part with `normal · v ≥ d`; `None` when it has too many corners.
     fn clip(&self, normal: DVec3, d: f64) -> Option<Self> {
+        if self.corners().iter().all(|v| normal.dot(*v) >= d) {
+            return Some(*self);
+        }
         let mut out = Self { count: 0, corners: [DVec3::ZERO; MAX_CORNERS] };
         let Some(mut a) = self.corners().last().copied() else { return Some(out) };
         let mut height_a = normal.dot(a) - d;
@@ -69,11 +80,13 @@ pub fn visible_share<'a>(
     emitter: impl Iterator<Item = DVec3> + Clone,
     n_emitter: DVec3,
     blockers: impl Iterator<Item = &'a [DVec3]>,
+    fragments: &mut Fragments,
 ) -> Option<f64> {
     let whole = Fragment::new(emitter.map(|p| p - eye))?;
     let d_emitter = n_emitter.dot(whole.corners[0]);
-    let mut fragments = [whole; MAX_FRAGMENTS];
-    let mut count = 1;
+    let Fragments { whole: left, kept } = fragments;
+    left.clear();
+    left.push(whole);
     for blocker in blockers {
         // Only what lies between counts: above the eye's horizon and in front of the emitter.
         let between =
@@ -82,13 +95,12 @@ pub fn visible_share<'a>(
             continue;
         }
         let Some(planes) = Planes::new(&between) else { continue };
-        let mut kept = [whole; MAX_FRAGMENTS];
-        let mut kept_count = 0;
-        for fragment in &fragments[..count] {
-            planes.subtract(fragment, &mut kept, &mut kept_count)?;
+        kept.clear();
+        for fragment in left.iter() {
+            planes.subtract(fragment, kept)?;
         }
-        (fragments, count) = (kept, kept_count);
-        if count == 0 {
+        std::mem::swap(left, kept);
+        if left.is_empty() {
             return Some(0.0);
         }
     }
@@ -97,7 +109,7 @@ pub fn visible_share<'a>(
     if total <= 0.0 {
         return Some(0.0);
     }
-    Some((fragments[..count].iter().map(factor).sum::<f64>() / total).clamp(0.0, 1.0))
+    Some((left.iter().map(factor).sum::<f64>() / total).clamp(0.0, 1.0))
 }
 
 /// The planes through the eye and a blocker's edges, normals inward.
@@ -132,12 +144,11 @@ impl Planes {
     }
 
     /// Appends the parts of `fragment` outside of the blocker to `kept`.
-    fn subtract(&self, fragment: &Fragment, kept: &mut [Fragment], count: &mut usize) -> Option<()> {
+    fn subtract(&self, fragment: &Fragment, kept: &mut Vec<Fragment>) -> Option<()> {
         let margin = 1e-12 * fragment.corners[0].length();
         let mut keep = |part: Fragment| {
-            *kept.get_mut(*count)? = part;
-            *count += 1;
-            Some(())
+            kept.push(part);
+            (kept.len() <= MAX_FRAGMENTS).then_some(())
         };
         let normals = &self.normals[..self.count];
         if normals.iter().any(|normal| !fragment.reaches(*normal, margin)) {
@@ -188,7 +199,7 @@ mod tests {
                     corners.reverse();
                 }
                 let share = visible_share(
-                    DVec3::ZERO, DVec3::Z, source.iter().copied(), DVec3::NEG_Z, [&corners[..], &corners[..]].into_iter(),
+                    DVec3::ZERO, DVec3::Z, source.iter().copied(), DVec3::NEG_Z, [&corners[..], &corners[..]].into_iter(), &mut Fragments::default(),
                 );
                 prop_assert!((share.unwrap() - exact).abs() < 1e-12, "{:?} against {}", share, exact);
             }

@@ -7,6 +7,7 @@ use thiserror::Error;
 use super::Scene;
 
 pub mod inventor;
+mod place;
 
 /// Why a scene could not be read.
 #[derive(Debug, Error)]
@@ -52,7 +53,7 @@ impl ReadError {
         found: impl Into<String>,
         remedy: impl Into<String>,
     ) -> ReadError {
-        let (line, column) = inventor::lexer::line_and_column(text, at);
+        let (line, column) = place::line_and_column(text, at);
         ReadError::Content(Box::new(ContentError {
             path: path.to_owned(),
             line,
@@ -74,7 +75,8 @@ pub fn read_file(path: &Path) -> Result<Scene, ReadError> {
     inventor::parse(&decode(path, bytes)?, path)
 }
 
-/// The bytes of a text file as text: UTF-8, or Latin-1 where they are not UTF-8. Compressed files are refused.
+/// The bytes of a text file as text: UTF-8, or Latin-1 where they are not UTF-8. Compressed files are
+/// refused.
 fn decode(path: &Path, bytes: Vec<u8>) -> Result<String, ReadError> {
     if bytes.starts_with(&[0x1f, 0x8b]) {
         let (expected, found) = ("text", "a gzip-compressed file");

@@ -1,6 +1,8 @@
-//! A parsed file: nodes in one arena, children by index, so that instancing (`USE`) is sharing and dropping never recurses.
+//! A parsed file: nodes in one arena, children by index, so that instancing (`USE`) is sharing and dropping
+//! never recurses.
 //!
-//! Invariant: the graph has no cycle, because a name stands for its node only after the node's body has ended.
+//! Invariant: the graph has no cycle, because a name stands for its node only after the node's body has
+//! ended.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -8,8 +10,8 @@ use std::rc::Rc;
 
 use glam::DVec3;
 
-use super::lexer::line_and_column;
 use super::schema::Kind;
+use crate::scene::read::place::line_and_column;
 
 /// Index of a node in its document.
 pub type NodeId = u32;
@@ -31,7 +33,7 @@ pub struct Document {
     pub skipped: BTreeMap<String, u64>,
 }
 
-/// A node with the fields its [`super::schema::Spec`] names.
+/// A node with the fields its schema names.
 #[derive(Debug)]
 pub struct Node {
     /// What it does.
@@ -49,7 +51,8 @@ pub struct Node {
 /// A field's value.
 #[derive(Clone, Debug)]
 pub enum Value {
-    /// Numbers, integers, flags as 0 and 1; shared, so that taking them into the traversal state costs nothing.
+    /// Numbers, integers, flags as 0 and 1; shared, so that taking them into the traversal state costs
+    /// nothing.
     Numbers(Rc<[f64]>),
     /// Words of an enumeration.
     Words(Vec<&'static str>),

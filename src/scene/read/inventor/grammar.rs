@@ -1,9 +1,9 @@
 //! Tokens → [`Document`]: the grammar of Open Inventor and VRML text.
 //!
-//! A hand-written recursive descent instead of a combinator library: whether `name` starts a child node, a field of a known form or
-//! an unknown field depends on the node type around it and on one token of look-ahead; every error names what the schema
-//! wants at that very column; and numbers, nine tenths of any file, are parsed in place without becoming tokens.
-//! Recursion is bounded by [`MAX_DEPTH`].
+//! A hand-written recursive descent instead of a combinator library: whether `name` starts a child node, a
+//! field of a known form or an unknown field depends on the node type around it and on one token of
+//! look-ahead; every error names what the schema wants at that very column; and numbers, nine tenths of any
+//! file, are parsed in place without becoming tokens. Recursion is bounded by [`MAX_DEPTH`].
 
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
@@ -66,7 +66,7 @@ impl<'t> Parser<'t> {
 
     /// A node: `Type { … }`, `DEF name Type { … }` or `USE name`.
     pub(super) fn node(&mut self) -> Result<NodeId, Fault> {
-        match self.lexer.next()? {
+        match self.lexer.take()? {
             (Token::Word("USE"), _) => Ok(self.instance(false)?.0),
             (Token::Word("DEF"), _) => {
                 let (name, _) = self.lexer.name()?;
@@ -83,14 +83,14 @@ impl<'t> Parser<'t> {
     }
 
     fn node_type(&mut self) -> Result<(&'t str, usize), Fault> {
-        match self.lexer.next()? {
+        match self.lexer.take()? {
             (Token::Word(word), at) if is_type_name(word) => Ok((word, at)),
             (token, at) => Err(no_node(&token, at)),
         }
     }
 
-    /// What follows `USE`: the node, and whether the name of an output is glued to its name, which only a connection allows:
-    /// `= USE name.output`.
+    /// What follows `USE`: the node, and whether the name of an output is glued to its name, which only a
+    /// connection allows: `= USE name.output`.
     pub(super) fn instance(&mut self, connected: bool) -> Result<(NodeId, bool), Fault> {
         let (name, at) = self.lexer.name()?;
         if let Some(id) = self.names.get(name) {
@@ -144,7 +144,7 @@ impl<'t> Parser<'t> {
         let mut node = Node { kind, at, name: name.map(Box::from), fields: Vec::new(), children: Vec::new() };
         self.body(word, spec, &mut node)?;
         self.depth -= 1;
-        if node.kind == Kind::Other {
+        if node.kind == Kind::Other && node.nodes("alternateRep").is_empty() {
             self.skip(word.to_owned());
         }
         if node.numbers("transparency").is_some_and(|shares| shares.iter().any(|share| *share > 0.0)) {
@@ -160,13 +160,13 @@ impl<'t> Parser<'t> {
             let (token, at) = self.lexer.peek()?;
             match token {
                 Token::Mark(b'}') => {
-                    self.lexer.next()?;
+                    self.lexer.take()?;
                     return Ok(());
                 }
                 Token::Word("DEF" | "USE") => node.children.push(self.node()?),
                 Token::Word(field) if self.statement97(field)? => {}
                 Token::Word(field) if is_type_name(field) => {
-                    self.lexer.next()?;
+                    self.lexer.take()?;
                     let form = spec.and_then(|spec| spec.fields.iter().find(|(name, _)| *name == field));
                     match (form, self.lexer.peek_byte()) {
                         (Some((name, form)), _) => match self.field(name, *form, word)? {
@@ -207,12 +207,13 @@ impl<'t> Parser<'t> {
         }
     }
 
-    /// A list of bare or quoted words in brackets, such as the `fields [ SFFloat x ]` of self-describing nodes.
+    /// A list of bare or quoted words in brackets, such as the `fields [ SFFloat x ]` of self-describing
+    /// nodes.
     pub(super) fn word_list(&mut self, what: &str) -> Result<Vec<String>, Fault> {
         self.expect_mark(b'[', &format!("`[` after `{what}`"), "write the list in brackets")?;
         let mut words = Vec::new();
         loop {
-            match self.lexer.next()? {
+            match self.lexer.take()? {
                 (Token::Mark(b']'), _) => return Ok(words),
                 (Token::Word(word), _) => words.push(word.to_owned()),
                 (Token::Text(text), _) => words.push(text.into_owned()),
@@ -230,7 +231,7 @@ impl<'t> Parser<'t> {
 
     /// Takes the mark or fails.
     pub(super) fn expect_mark(&mut self, mark: u8, expected: &str, remedy: &str) -> Result<(), Fault> {
-        match self.lexer.next()? {
+        match self.lexer.take()? {
             (Token::Mark(found), _) if found == mark => Ok(()),
             (token, at) => Err(Fault::new(at, expected, token.shown(), remedy)),
         }

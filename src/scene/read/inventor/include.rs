@@ -1,7 +1,7 @@
 //! `File`, `WWWInline` and `Inline` nodes: other files, sought beside the one that names them.
 //!
-//! A missing file is counted and the traversal goes on, as Inventor does; a file that is there but faulty is an error in that file;
-//! a file that includes itself is an error at the node that closes the circle.
+//! A missing file is counted and the traversal goes on, as Inventor does; a file that is there but faulty is
+//! an error in that file; a file that includes itself is an error at the node that closes the circle.
 
 use std::path::{Path, PathBuf};
 

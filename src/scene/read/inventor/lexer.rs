@@ -1,11 +1,13 @@
 //! Characters → tokens of Open Inventor and VRML text, every token with the byte offset where it starts.
 //!
-//! Commas count as white space, as the format's own reader treats them wherever real files put them. A comment runs from `#` to the
-//! end of the line. Lines end in `\n`, `\r\n` or (old Macintosh files) a lone `\r`.
+//! Commas count as white space, as the format's own reader treats them wherever real files put them. A
+//! comment runs from `#` to the end of the line. Lines end in `\n`, `\r\n` or (old Macintosh files) a lone
+//! `\r`.
 
 use std::borrow::Cow;
 
-/// A fault in the text: where, and what the reader makes of it. [`super::grammar`] turns it into an error with a file name.
+/// A fault in the text: where, and what the reader makes of it. the caller turns it into an error with a file
+/// name.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fault {
     /// Byte offset into the text.
@@ -64,19 +66,6 @@ fn shortened(text: &str) -> String {
     shown
 }
 
-/// Line and column, both from 1, of byte `at`; columns count characters.
-pub fn line_and_column(text: &str, at: usize) -> (usize, usize) {
-    let mut at = at.min(text.len());
-    while !text.is_char_boundary(at) {
-        at -= 1;
-    }
-    let bytes = text.as_bytes();
-    let ends_line = |i: usize| bytes[i] == b'\n' || (bytes[i] == b'\r' && bytes.get(i + 1) != Some(&b'\n'));
-    let line = (0..at).filter(|i| ends_line(*i)).count() + 1;
-    let start = (0..at).rev().find(|i| ends_line(*i)).map_or(0, |i| i + 1);
-    (line, text[start..at].chars().count() + 1)
-}
-
 /// The tokens of a text, on demand.
 #[derive(Clone)]
 pub struct Lexer<'t> {
@@ -120,11 +109,11 @@ impl<'t> Lexer<'t> {
     /// The next token, without consuming it.
     pub fn peek(&mut self) -> Lexed<'t> {
         self.position();
-        self.clone().next()
+        self.clone().take()
     }
 
     /// The next token.
-    pub fn next(&mut self) -> Lexed<'t> {
+    pub fn take(&mut self) -> Lexed<'t> {
         let start = self.position();
         let token = match self.text.as_bytes().get(start) {
             None => Token::End,
@@ -143,7 +132,7 @@ impl<'t> Lexer<'t> {
         let start = self.position();
         let name = self.run(|b| matches!(b, b'{' | b'}' | b'[' | b']' | b'"'));
         if name.is_empty() {
-            let found = self.clone().next()?.0.shown();
+            let found = self.clone().take()?.0.shown();
             return Err(Fault::new(start, "a name after DEF or USE", found, "give the node a name"));
         }
         Ok((name, start))
@@ -180,7 +169,8 @@ impl<'t> Lexer<'t> {
         Some(value)
     }
 
-    /// The bytes up to white space, a comma, or a byte that `ends` a word; never empty unless such a byte comes first.
+    /// The bytes up to white space, a comma, or a byte that `ends` a word; never empty unless such a byte
+    /// comes first.
     fn run(&mut self, ends: impl Fn(u8) -> bool) -> &'t str {
         let start = self.at;
         let rest = &self.text.as_bytes()[start..];
@@ -192,8 +182,8 @@ impl<'t> Lexer<'t> {
 
     /// A string from its opening quote at `start`.
     ///
-    /// Inventor escapes only the quote, and a backslash before a quote that ends the line stands for itself: `"C:\"` is a
-    /// whole string there. VRML97 escapes whatever follows a backslash.
+    /// Inventor escapes only the quote, and a backslash before a quote that ends the line stands for itself:
+    /// `"C:\"` is a whole string there. VRML97 escapes whatever follows a backslash.
     fn string(&mut self, start: usize) -> Result<Cow<'t, str>, Fault> {
         let bytes = self.text.as_bytes();
         let mut out: Option<String> = None;
@@ -262,7 +252,7 @@ mod tests {
         let mut lexer = Lexer::new(text, vrml97);
         let mut all = Vec::new();
         loop {
-            match lexer.next() {
+            match lexer.take() {
                 Ok((Token::End, _)) => return all,
                 Ok((token, at)) => all.push(format!("{at}:{}", token.shown())),
                 Err(fault) => {
@@ -307,13 +297,5 @@ mod tests {
             (Some(8), Some(-16), Some(8))
         );
         assert_eq!((parse_integer("1.5"), parse_integer("99999999999999999999")), (None, None));
-    }
-
-    #[test]
-    fn columns_count_characters_and_lines_end_three_ways() {
-        let text = "a\r\nb\rç d\ne";
-        assert_eq!(line_and_column(text, text.find('d').unwrap()), (3, 3));
-        assert_eq!(line_and_column(text, text.len()), (4, 2));
-        assert_eq!(line_and_column(text, 99), (4, 2));
     }
 }

@@ -9,7 +9,8 @@ use crate::scene::{Camera, Light, Projection};
 
 /// The light of a node; `None` when it is switched off.
 ///
-/// `intensity · color` is a radiant intensity in W/sr for lights with a place, an irradiance in W/m² for directional ones.
+/// `intensity · color` is a radiant intensity in W/sr for lights with a place, an irradiance in W/m² for
+/// directional ones.
 pub fn light(node: &Node, matrix: &DMat4) -> Option<Light> {
     if !node.flag("on", true) {
         return None;

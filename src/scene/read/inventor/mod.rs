@@ -1,11 +1,12 @@
 //! Open Inventor ASCII (V1.0, V2.0, V2.1), VRML 1.0, and the static part of VRML97.
 //!
-//! Text → tokens ([`lexer`]) → a graph of nodes ([`grammar`], [`document`]) → a traversal that carries the state ([`walk`], [`state`])
-//! → faces, lights and cameras in world coordinates.
+//! Text → tokens (`lexer`) → a graph of nodes (`grammar`, `document`) → a traversal that carries the state
+//! (`walk`, `state`) → faces, lights and cameras in world coordinates (`shapes`, `lights`).
 //!
-//! How nodes are understood: `diffuseColor` is the reflectance and `emissiveColor` the exitance in W/m² of each band;
-//! `vertexOrdering` says which side of a face is its front, and a mirroring transformation keeps it; only a face whose ordering is
-//! known and whose shape is `SOLID` is one-sided. What has no meaning for radiosity is parsed, skipped and counted.
+//! How nodes are understood: `diffuseColor` is the reflectance and `emissiveColor` the exitance in W/m² of
+//! each band; `vertexOrdering` says which side of a face is its front, and a mirroring transformation keeps
+//! it; only a face whose ordering is known and whose shape is `SOLID` is one-sided. What has no meaning for
+//! radiosity is parsed, skipped and counted.
 
 use std::path::Path;
 
@@ -15,16 +16,16 @@ use self::walk::Walker;
 use super::{ReadError, decode, name_of};
 use crate::scene::{Scene, validate};
 
-pub mod document;
-pub mod grammar;
+mod document;
+mod grammar;
 mod include;
-pub mod lexer;
+mod lexer;
 mod lights;
 mod polygons;
-pub mod schema;
+mod schema;
 mod shapes;
 mod solids;
-pub mod state;
+mod state;
 mod statements97;
 mod transforms;
 mod values;
@@ -40,13 +41,15 @@ pub struct Limits {
 }
 
 impl Default for Limits {
-    /// Some sixteen times the largest scene known to be in use (250,000 triangles); about 1 GB of faces, a few seconds of work.
+    /// Some sixteen times the largest scene known to be in use (250,000 triangles); about 1 GB of faces, a
+    /// few seconds of work.
     fn default() -> Self {
         Limits { faces: 4_000_000, steps: 20_000_000 }
     }
 }
 
-/// Reads the text of a scene file; `path` is named in messages, and includes are sought beside it. The scene is validated.
+/// Reads the text of a scene file; `path` is named in messages, and includes are sought beside it. The scene
+/// is validated.
 pub fn parse(text: &str, path: &Path) -> Result<Scene, ReadError> {
     parse_within(text, path, &Limits::default())
 }

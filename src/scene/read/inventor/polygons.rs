@@ -1,7 +1,14 @@
-//! Shapes made of vertices → polygons as lists of corners: `FaceSet`, `IndexedFaceSet`, strips and `QuadMesh`.
+//! Shapes made of vertices → polygons as lists of corners: `FaceSet`, `IndexedFaceSet`, strips and
+//! `QuadMesh`.
 
 use super::document::Node;
 use super::schema::Kind;
+use crate::scene::read::ReadError;
+
+/// What is called for every polygon; an error ends the shape.
+type Visit<'a> = dyn FnMut(Polygon) -> Result<(), ReadError> + 'a;
+/// What is called for every run of corners, with its number.
+type VisitRun<'a> = dyn FnMut(&[Corner], usize) -> Result<(), ReadError> + 'a;
 
 /// A corner of a polygon.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,12 +32,9 @@ pub struct Polygon<'a> {
     pub face: usize,
 }
 
-/// Calls `visit` for every polygon of a vertex-based shape with `points` coordinates; stops at the first error.
-pub fn for_each<E>(
-    node: &Node,
-    points: usize,
-    visit: &mut dyn FnMut(Polygon) -> Result<(), E>,
-) -> Result<(), E> {
+/// Calls `visit` for every polygon of a vertex-based shape with `points` coordinates; stops at the first
+/// error.
+pub fn for_each(node: &Node, points: usize, visit: &mut Visit) -> Result<(), ReadError> {
     match node.kind {
         Kind::IndexedFaceSet => {
             indexed(node, &mut |corners, part| visit(Polygon { corners, part, face: part }))
@@ -52,7 +56,7 @@ pub fn for_each<E>(
 }
 
 /// Runs of `coordIndex` between negative entries; the last one may end with the list.
-fn indexed<E>(node: &Node, visit: &mut dyn FnMut(&[Corner], usize) -> Result<(), E>) -> Result<(), E> {
+fn indexed(node: &Node, visit: &mut VisitRun) -> Result<(), ReadError> {
     let Some(indices) = node.numbers("coordIndex") else { return Ok(()) };
     let (mut corners, mut part, mut vertex) = (Vec::new(), 0, 0);
     for (slot, index) in indices.iter().enumerate() {
@@ -70,11 +74,7 @@ fn indexed<E>(node: &Node, visit: &mut dyn FnMut(&[Corner], usize) -> Result<(),
 }
 
 /// Runs of `numVertices` consecutive points from `startIndex`; a negative number takes the rest.
-fn runs<E>(
-    node: &Node,
-    points: usize,
-    visit: &mut dyn FnMut(&[Corner], usize) -> Result<(), E>,
-) -> Result<(), E> {
+fn runs(node: &Node, points: usize, visit: &mut VisitRun) -> Result<(), ReadError> {
     let mut next = first_point(node);
     let mut vertex = 0;
     let all = [-1.0];
@@ -105,12 +105,7 @@ fn first_point(node: &Node) -> usize {
 }
 
 /// The triangles of a strip, every second one turned so that all face the same way.
-fn triangles<E>(
-    strip: &[Corner],
-    part: usize,
-    face: &mut usize,
-    visit: &mut dyn FnMut(Polygon) -> Result<(), E>,
-) -> Result<(), E> {
+fn triangles(strip: &[Corner], part: usize, face: &mut usize, visit: &mut Visit) -> Result<(), ReadError> {
     if strip.len() < 3 {
         return visit(Polygon { corners: strip, part, face: *face });
     }
@@ -126,7 +121,7 @@ fn triangles<E>(
 }
 
 /// A grid of `verticesPerColumn` rows by `verticesPerRow` columns of points.
-fn quads<E>(node: &Node, points: usize, visit: &mut dyn FnMut(Polygon) -> Result<(), E>) -> Result<(), E> {
+fn quads(node: &Node, points: usize, visit: &mut Visit) -> Result<(), ReadError> {
     let start = first_point(node);
     let rows = node.integer("verticesPerColumn", 1).max(0) as usize;
     let columns = node.integer("verticesPerRow", 1).max(0) as usize;

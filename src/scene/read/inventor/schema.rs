@@ -1,6 +1,7 @@
 //! The node types this reader interprets, with the fields it needs and how their values are written.
 //!
-//! Every node type that stands here has a meaning for radiosity; every other node and field is parsed by shape, skipped and counted.
+//! Every node type that stands here has a meaning for radiosity; every other node and field is parsed by
+//! shape, skipped and counted.
 
 use Form::{Bits, Flag, Float, Floats, Integers, Nodes, OneOf, Strings};
 
@@ -27,12 +28,8 @@ pub enum Form {
     Node,
 }
 
-/// What a node does when it is visited.
+/// What a node does when it is visited: each is the node type of that name in the Inventor reference manual.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[expect(
-    missing_docs,
-    reason = "each is the node type of that name, described by the Inventor reference manual"
-)]
 pub enum Kind {
     Separator,
     Group,
@@ -91,7 +88,7 @@ pub struct Spec {
     pub fields: &'static [(&'static str, Form)],
 }
 
-/// Names for [`Kind::MaterialBinding`], also used inside `VertexProperty`.
+/// Values of `MaterialBinding`, also used inside `VertexProperty`.
 pub const BINDINGS: &[&str] = &[
     "OVERALL",
     "PER_PART",

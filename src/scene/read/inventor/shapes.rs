@@ -32,7 +32,7 @@ pub(super) fn polygons(walker: &mut Walker, here: Here, state: &State) -> Result
     }
     let reverse = state.reverses(state.is_clockwise());
     let binding = Binding::new(node, state, walker);
-    polygons::for_each(node, state.coordinates.len(), &mut |polygon| {
+    polygons::for_each(node, state.coordinates.count(), &mut |polygon| {
         walker.charge(here, 1 + polygon.corners.len())?;
         let corners = polygon.corners.iter().map(|corner| state.coordinates.get(corner.point));
         let Some(corners) = corners.collect::<Option<Vec<DVec3>>>() else {
@@ -52,7 +52,8 @@ pub(super) fn polygons(walker: &mut Walker, here: Here, state: &State) -> Result
     })
 }
 
-/// Cube, sphere, cone or cylinder. Their faces are counter-clockwise from outside whatever `ShapeHints` says of vertex lists.
+/// Cube, sphere, cone or cylinder. Their faces are counter-clockwise from outside whatever `ShapeHints` says
+/// of vertex lists.
 pub(super) fn solid(walker: &mut Walker, here: Here, state: &State) -> Result<(), ReadError> {
     if !is_drawn(walker, state) {
         return Ok(());

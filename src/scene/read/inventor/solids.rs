@@ -1,7 +1,8 @@
 //! Cube, sphere, cone and cylinder → planar polygons, counter-clockwise from outside.
 //!
-//! Curved ones are inscribed polyhedra: `n = 4 + 4·round(4·complexity)` sides around (12 at the default complexity of 0.5, where a
-//! cylinder's side lacks 1.1 % of its area; 20 at most), `n/2` rings from pole to pole. Every quadrilateral is an isosceles trapezoid or a rectangle, hence planar under any affine map.
+//! Curved ones are inscribed polyhedra: `n = 4 + 4·round(4·complexity)` sides around (12 at the default
+//! complexity of 0.5, where a cylinder's side lacks 1.1 % of its area; 20 at most), `n/2` rings from pole to
+//! pole. Every quadrilateral is an isosceles trapezoid or a rectangle, hence planar under any affine map.
 
 use std::f64::consts::{PI, TAU};
 
@@ -9,13 +10,13 @@ use glam::DVec3;
 
 use super::document::Node;
 use super::schema::Kind;
+use crate::scene::read::ReadError;
+
+/// What is called for every polygon, with the number of its part; an error ends the shape.
+type Visit<'a> = dyn FnMut(&[DVec3], usize) -> Result<(), ReadError> + 'a;
 
 /// Calls `visit(corners, part)` for every polygon of a solid; stops at the first error.
-pub fn for_each<E>(
-    node: &Node,
-    complexity: f64,
-    visit: &mut dyn FnMut(&[DVec3], usize) -> Result<(), E>,
-) -> Result<(), E> {
+pub fn for_each(node: &Node, complexity: f64, visit: &mut Visit) -> Result<(), ReadError> {
     let sides = sides(complexity);
     match node.kind {
         Kind::Cube => cube(node, visit),
@@ -28,12 +29,12 @@ pub fn for_each<E>(
 
 /// Sides around a curved shape.
 fn sides(complexity: f64) -> usize {
-    // `max` maps a complexity that is not a number to 0.
-    4 + 4 * (4.0 * complexity.max(0.0).min(1.0)).round() as usize
+    // A complexity that is not a number casts to 0.
+    4 + 4 * (4.0 * complexity.clamp(0.0, 1.0)).round() as usize
 }
 
 /// Parts in Inventor's order: front, back, left, right, top, bottom.
-fn cube<E>(node: &Node, visit: &mut dyn FnMut(&[DVec3], usize) -> Result<(), E>) -> Result<(), E> {
+fn cube(node: &Node, visit: &mut Visit) -> Result<(), ReadError> {
     let written =
         DVec3::new(node.number("width", 2.0), node.number("height", 2.0), node.number("depth", 2.0));
     let half = node.vector("size", written) * 0.5;
@@ -52,16 +53,12 @@ fn cube<E>(node: &Node, visit: &mut dyn FnMut(&[DVec3], usize) -> Result<(), E>)
     Ok(())
 }
 
-fn sphere<E>(
-    radius: f64,
-    sides: usize,
-    visit: &mut dyn FnMut(&[DVec3], usize) -> Result<(), E>,
-) -> Result<(), E> {
+fn sphere(radius: f64, sides: usize, visit: &mut Visit) -> Result<(), ReadError> {
     let rings = sides / 2;
     let ring = |i: usize| {
         let polar = PI * i as f64 / rings as f64;
         // Exactly zero at both poles, so that the triangles there share one point.
-        let around = if i % rings == 0 { 0.0 } else { polar.sin() };
+        let around = if i == 0 || i == rings { 0.0 } else { polar.sin() };
         (radius * around, radius * polar.cos())
     };
     for i in 0..rings {
@@ -86,11 +83,7 @@ fn sphere<E>(
 }
 
 /// Parts: sides, bottom.
-fn cone<E>(
-    node: &Node,
-    sides: usize,
-    visit: &mut dyn FnMut(&[DVec3], usize) -> Result<(), E>,
-) -> Result<(), E> {
+fn cone(node: &Node, sides: usize, visit: &mut Visit) -> Result<(), ReadError> {
     let radius = node.number("bottomRadius", 1.0);
     let apex = DVec3::Y * (0.5 * node.number("height", 2.0));
     if node.has_bit("parts", "SIDES") && node.flag("side", true) {
@@ -106,11 +99,7 @@ fn cone<E>(
 }
 
 /// Parts: sides, top, bottom.
-fn cylinder<E>(
-    node: &Node,
-    sides: usize,
-    visit: &mut dyn FnMut(&[DVec3], usize) -> Result<(), E>,
-) -> Result<(), E> {
+fn cylinder(node: &Node, sides: usize, visit: &mut Visit) -> Result<(), ReadError> {
     let radius = node.number("radius", 1.0);
     let top = DVec3::Y * (0.5 * node.number("height", 2.0));
     if node.has_bit("parts", "SIDES") && node.flag("side", true) {

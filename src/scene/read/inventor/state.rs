@@ -1,6 +1,7 @@
 //! The traversal state: what the nodes before a shape have set, scoped by separators.
 //!
-//! Lists are shared with the document, so saving the state, setting a property and instancing cost the same however long they are.
+//! Lists are shared with the document, so saving the state, setting a property and instancing cost the same
+//! however long they are.
 
 use std::rc::Rc;
 
@@ -58,7 +59,7 @@ impl Coordinates {
     }
 
     /// How many points.
-    pub fn len(&self) -> usize {
+    pub fn count(&self) -> usize {
         self.numbers.len() / self.stride
     }
 

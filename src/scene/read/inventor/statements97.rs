@@ -1,6 +1,8 @@
-//! The statements VRML97 adds to the grammar: `PROTO`, `EXTERNPROTO`, `ROUTE`, interface declarations of scripts, and `IS`.
+//! The statements VRML97 adds to the grammar: `PROTO`, `EXTERNPROTO`, `ROUTE`, interface declarations of
+//! scripts, and `IS`.
 //!
-//! They are checked and left out: a prototype's instances count as skipped nodes, and nothing moves here that a route could drive.
+//! They are checked and left out: a prototype's instances count as skipped nodes, and nothing moves here that
+//! a route could drive.
 
 use super::grammar::{Parser, is_type_name};
 use super::lexer::{Fault, Token};
@@ -21,12 +23,13 @@ impl<'t> Parser<'t> {
         Ok(true)
     }
 
-    /// Whether the value of a field is `IS name`, which is then read: a connection to the interface of the prototype around it.
+    /// Whether the value of a field is `IS name`, which is then read: a connection to the interface of the
+    /// prototype around it.
     pub(super) fn is_connection97(&mut self) -> Result<bool, Fault> {
         if !self.vrml97 || !matches!(self.lexer.peek()?, (Token::Word("IS"), _)) {
             return Ok(false);
         }
-        self.lexer.next()?;
+        self.lexer.take()?;
         let (name, at) = self.identifier("the name of a field of the prototype")?;
         let known = self.interfaces.last().is_some_and(|names| names.contains(&name));
         if known {
@@ -42,9 +45,9 @@ impl<'t> Parser<'t> {
 
     /// `ROUTE node.output TO node.input`.
     fn route(&mut self) -> Result<(), Fault> {
-        self.lexer.next()?;
+        self.lexer.take()?;
         self.route_end()?;
-        match self.lexer.next()? {
+        match self.lexer.take()? {
             (Token::Word("TO"), _) => self.route_end(),
             (token, at) => {
                 Err(Fault::new(at, "`TO`", token.shown(), "write ROUTE node.output TO node.input"))
@@ -68,7 +71,7 @@ impl<'t> Parser<'t> {
 
     /// `PROTO name [ declarations ] { nodes and statements }`.
     fn prototype(&mut self) -> Result<(), Fault> {
-        self.lexer.next()?;
+        self.lexer.take()?;
         let (_, at) = self.identifier("the name of the prototype")?;
         let interface = self.interface(true)?;
         self.expect_mark(b'{', "`{` before the body of the PROTO", "write PROTO name [ … ] { … }")?;
@@ -85,7 +88,7 @@ impl<'t> Parser<'t> {
                 _ => self.node().map(drop)?,
             }
         }
-        self.lexer.next()?;
+        self.lexer.take()?;
         self.names = outside;
         self.interfaces.pop();
         self.skip("PROTO".to_owned());
@@ -94,7 +97,7 @@ impl<'t> Parser<'t> {
 
     /// `EXTERNPROTO name [ declarations ] "url"`.
     fn external_prototype(&mut self) -> Result<(), Fault> {
-        self.lexer.next()?;
+        self.lexer.take()?;
         self.identifier("the name of the prototype")?;
         self.interface(false)?;
         self.any_value("EXTERNPROTO")?;
@@ -112,7 +115,7 @@ impl<'t> Parser<'t> {
         loop {
             match self.lexer.peek()? {
                 (Token::Mark(b']'), _) => {
-                    self.lexer.next()?;
+                    self.lexer.take()?;
                     return Ok(names);
                 }
                 (Token::Word("eventIn" | "eventOut" | "field" | "exposedField"), _) => {
@@ -138,7 +141,7 @@ impl<'t> Parser<'t> {
     }
 
     fn identifier(&mut self, what: &str) -> Result<(&'t str, usize), Fault> {
-        match self.lexer.next()? {
+        match self.lexer.take()? {
             (Token::Word(word), at) if is_type_name(word) => Ok((word, at)),
             (token, at) => Err(Fault::new(at, what, token.shown(), "complete the statement")),
         }

@@ -1,7 +1,8 @@
 //! Transform nodes → matrices.
 //!
-//! Inventor multiplies row vectors from the left (`p' = p M`) and writes matrices by rows; here vectors are columns, so a written
-//! matrix is read by columns, and a node's matrix multiplies the state's from the right: `state ← state · node`.
+//! Inventor multiplies row vectors from the left (`p' = p M`) and writes matrices by rows; here vectors are
+//! columns, so a written matrix is read by columns, and a node's matrix multiplies the state's from the
+//! right: `state ← state · node`.
 
 use glam::{DMat4, DQuat, DVec3};
 

@@ -30,7 +30,8 @@ impl<'t> Parser<'t> {
         self.suffixes().map(drop)
     }
 
-    /// What may follow a value: a connection `= Node { … } . output`, which is read and dropped, and the flag `~`, which is returned.
+    /// What may follow a value: a connection `= Node { … } . output`, which is read and dropped, and the flag
+    /// `~`, which is returned.
     fn suffixes(&mut self) -> Result<bool, Fault> {
         let mut ignored = false;
         loop {
@@ -39,7 +40,7 @@ impl<'t> Parser<'t> {
                 Some(b'=') => {}
                 _ => return Ok(ignored),
             }
-            if let (Token::Mark(b'='), _) = self.lexer.next()? {
+            if let (Token::Mark(b'='), _) = self.lexer.take()? {
                 self.connection()?;
             }
         }
@@ -49,7 +50,7 @@ impl<'t> Parser<'t> {
     fn connection(&mut self) -> Result<(), Fault> {
         let glued = match self.lexer.peek()? {
             (Token::Word("USE"), _) => {
-                self.lexer.next()?;
+                self.lexer.take()?;
                 self.instance(true)?.1
             }
             _ => {
@@ -61,8 +62,8 @@ impl<'t> Parser<'t> {
         if glued {
             return Ok(());
         }
-        match self.lexer.next()? {
-            (Token::Word("."), _) => match self.lexer.next()? {
+        match self.lexer.take()? {
+            (Token::Word("."), _) => match self.lexer.take()? {
                 (Token::Word(_), _) => Ok(()),
                 (token, at) => Err(no_output(&token, at)),
             },
@@ -91,12 +92,15 @@ impl<'t> Parser<'t> {
             Form::Strings => self.strings(field),
             Form::Nodes => {
                 let mut nodes = Vec::new();
-                self.list(field, "a node", |parser| Ok(nodes.push(parser.node()?)))?;
+                self.list(field, "a node", |parser| {
+                    nodes.push(parser.node()?);
+                    Ok(())
+                })?;
                 Ok(Value::Nodes(nodes))
             }
             Form::Node => match self.lexer.peek()? {
                 (Token::Word("NULL"), _) => {
-                    self.lexer.next()?;
+                    self.lexer.take()?;
                     Ok(Value::Nodes(Vec::new()))
                 }
                 _ => Ok(Value::Nodes(vec![self.node()?])),
@@ -109,7 +113,7 @@ impl<'t> Parser<'t> {
         match self.lexer.number() {
             Some(number) => Ok(number),
             None => {
-                let (token, at) = self.lexer.next()?;
+                let (token, at) = self.lexer.take()?;
                 let which = if n == 1 { "a number".to_owned() } else { format!("number {} of {n}", i + 1) };
                 Err(Fault::new(at, format!("{which} for {field}"), token.shown(), "write the missing number"))
             }
@@ -122,18 +126,18 @@ impl<'t> Parser<'t> {
         if self.lexer.peek_byte() != Some(b'[') {
             return self.value(Form::Float(n), field);
         }
-        self.lexer.next()?;
+        self.lexer.take()?;
         while self.lexer.peek_byte() != Some(b']') {
             match self.lexer.number() {
                 Some(number) => numbers.push(number),
                 None => {
-                    let (token, at) = self.lexer.next()?;
+                    let (token, at) = self.lexer.take()?;
                     let expected = format!("a number for {field}, or `]` to end it");
                     return Err(Fault::new(at, expected, token.shown(), "close the list with `]`"));
                 }
             }
         }
-        let (_, at) = self.lexer.next()?;
+        let (_, at) = self.lexer.take()?;
         if numbers.len() % n != 0 {
             return Err(Fault::new(
                 at,
@@ -147,7 +151,7 @@ impl<'t> Parser<'t> {
 
     fn integers(&mut self, field: &Field) -> Result<Value, Fault> {
         let mut numbers = Vec::new();
-        self.list(field, "an integer", |parser| match parser.lexer.next()? {
+        self.list(field, "an integer", |parser| match parser.lexer.take()? {
             (Token::Word(word), at) => match parse_integer(word) {
                 Some(number) => {
                     numbers.push(number as f64);
@@ -162,7 +166,7 @@ impl<'t> Parser<'t> {
 
     fn strings(&mut self, field: &Field) -> Result<Value, Fault> {
         let mut strings = Vec::new();
-        self.list(field, "a string", |parser| match parser.lexer.next()? {
+        self.list(field, "a string", |parser| match parser.lexer.take()? {
             (Token::Text(text), _) => {
                 strings.push(text.into_owned());
                 Ok(())
@@ -187,10 +191,10 @@ impl<'t> Parser<'t> {
         if self.lexer.peek_byte() != Some(b'[') {
             return item(self);
         }
-        self.lexer.next()?;
+        self.lexer.take()?;
         loop {
             match self.lexer.peek_byte() {
-                Some(b']') => return self.lexer.next().map(drop),
+                Some(b']') => return self.lexer.take().map(drop),
                 None => {
                     let at = self.lexer.position();
                     let expected = format!("{what} for {field}, or `]` to end it");
@@ -202,7 +206,7 @@ impl<'t> Parser<'t> {
     }
 
     fn one_of(&mut self, words: &[&'static str], field: &Field) -> Result<&'static str, Fault> {
-        let (token, at) = self.lexer.next()?;
+        let (token, at) = self.lexer.take()?;
         let known = match &token {
             Token::Word(word) => words.iter().find(|known| *known == word),
             _ => None,
@@ -225,31 +229,32 @@ impl<'t> Parser<'t> {
         loop {
             match self.lexer.peek_byte() {
                 Some(b')') => {
-                    self.lexer.next()?;
+                    self.lexer.take()?;
                     return Ok(Value::Words(set));
                 }
-                Some(b'(' | b'|') => self.lexer.next().map(drop)?,
+                Some(b'(' | b'|') => self.lexer.take().map(drop)?,
                 _ => set.push(self.one_of(words, field)?),
             }
         }
     }
 
-    /// Any value, recognised by its shape: a bracketed list, a bit mask, numbers, a string, a node, or a single word.
+    /// Any value, recognised by its shape: a bracketed list, a bit mask, numbers, a string, a node, or a
+    /// single word.
     pub(super) fn any_value(&mut self, field: &str) -> Result<(), Fault> {
         match self.lexer.peek()? {
             (Token::Mark(b'['), _) => {
-                self.lexer.next()?;
+                self.lexer.take()?;
                 while self.lexer.peek_byte() != Some(b']') {
                     if self.lexer.number().is_none() {
                         self.any_item(field)?;
                     }
                 }
-                self.lexer.next().map(drop)
+                self.lexer.take().map(drop)
             }
             (Token::Mark(b'('), _) => {
-                self.lexer.next()?;
+                self.lexer.take()?;
                 loop {
-                    match self.lexer.next()? {
+                    match self.lexer.take()? {
                         (Token::Mark(b')'), _) => return Ok(()),
                         (Token::Word(_) | Token::Mark(b'|'), _) => {}
                         (token, at) => {
@@ -277,7 +282,7 @@ impl<'t> Parser<'t> {
         match self.lexer.peek()? {
             (Token::Word("DEF" | "USE"), _) => self.node().map(drop),
             (Token::Word(word), at) => {
-                self.lexer.next()?;
+                self.lexer.take()?;
                 if is_type_name(word) && self.lexer.peek_byte() == Some(b'{') {
                     self.node_of_type(word, at, None)?;
                 } else if self.vrml97
@@ -287,7 +292,7 @@ impl<'t> Parser<'t> {
                 }
                 Ok(())
             }
-            (Token::Text(_), _) => self.lexer.next().map(drop),
+            (Token::Text(_), _) => self.lexer.take().map(drop),
             (token, at) => {
                 let expected = format!("a value for the field `{field}`");
                 Err(Fault::new(at, expected, token.shown(), "write the value, or remove the field"))

@@ -1,7 +1,7 @@
 //! The traversal: visits the nodes of a document in order, carrying the state, and fills the scene.
 //!
-//! Everything that can multiply (instances, arrays, copies, includes, index lists) is charged against [`Limits`], so that a small
-//! file cannot ask for unbounded time or memory.
+//! Everything that can multiply (instances, arrays, copies, includes, index lists) is charged against
+//! [`Limits`], so that a small file cannot ask for unbounded time or memory.
 
 use std::collections::HashMap;
 use std::path::PathBuf;
