@@ -2,6 +2,7 @@
 
 pub mod ambient;
 pub mod element;
+pub mod probe;
 pub mod solution;
 pub mod state;
 
