@@ -96,7 +96,6 @@ impl<const N: usize> Element<N> {
         let first = nodes.len();
         let blank = PacketNode { coefficients: [[0.0; N]; MAX_FUNCTIONS], detail_w_m2: 0.0, children: None };
         nodes.resize(first + children.len(), blank);
-        let mut pulled = [[0.0; N]; MAX_FUNCTIONS];
         for (index, child) in children.iter_mut().enumerate() {
             let mut pushed = [[0.0; N]; MAX_FUNCTIONS];
             basis.push(*split, index, &own, &mut pushed);
@@ -105,28 +104,39 @@ impl<const N: usize> Element<N> {
             } else {
                 child.take_unshot(basis, &pushed, reflectance, prune_w_m2, nodes, first + index);
             }
-            basis.pull_add(*split, index, &nodes[first + index].coefficients, &mut pulled);
         }
-        let mut detail = 0.0f64;
-        for (index, child) in children.iter().enumerate() {
-            if child.shape == Shape::Outside {
-                continue;
-            }
-            let mut coarse = [[0.0; N]; MAX_FUNCTIONS];
-            basis.push(*split, index, &pulled, &mut coarse);
-            let node = &nodes[first + index];
-            detail = detail.max(distance(&coarse, &node.coefficients) + node.detail_w_m2);
-        }
-        let kept = detail > prune_w_m2;
-        if !kept {
+        pull(basis, *split, nodes, slot, first, |index| children[index].shape == Shape::Outside);
+        if nodes[slot].detail_w_m2 <= prune_w_m2 {
             nodes.truncate(first);
+            nodes[slot].children = None;
+            nodes[slot].detail_w_m2 = 0.0;
         }
-        nodes[slot] = PacketNode {
-            coefficients: pulled,
-            detail_w_m2: if kept { detail } else { 0.0 },
-            children: kept.then_some((*split, first as u32)),
-        };
     }
+}
+
+/// Pulls the children at `first` up to packet node `slot`, with the bound on the detail they hold; `outside` children hold none.
+pub(super) fn pull<const N: usize>(
+    basis: Basis,
+    split: Split,
+    nodes: &mut [PacketNode<N>],
+    slot: usize,
+    first: usize,
+    outside: impl Fn(usize) -> bool,
+) {
+    let mut pulled = [[0.0; N]; MAX_FUNCTIONS];
+    let count = split.children().len();
+    for index in 0..count {
+        basis.pull_add(split, index, &nodes[first + index].coefficients, &mut pulled);
+    }
+    let mut detail = 0.0f64;
+    for index in (0..count).filter(|index| !outside(*index)) {
+        let mut coarse = [[0.0; N]; MAX_FUNCTIONS];
+        basis.push(split, index, &pulled, &mut coarse);
+        let node = &nodes[first + index];
+        detail = detail.max(distance(&coarse, &node.coefficients) + node.detail_w_m2);
+    }
+    nodes[slot] =
+        PacketNode { coefficients: pulled, detail_w_m2: detail, children: Some((split, first as u32)) };
 }
 
 impl<const N: usize> Receiver<N> for Element<N> {

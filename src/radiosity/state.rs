@@ -1,7 +1,7 @@
 //! The state of a run: one tree per surface, what each has still to shoot, and norms of the solution so far.
 
+use crate::math::Basis;
 use crate::math::basis::MAX_FUNCTIONS;
-use crate::math::{Basis, Cell};
 use crate::scene::{Scene, Surface};
 use crate::transport::{Packet, PacketNode, Patch, Shape};
 
@@ -31,11 +31,7 @@ pub struct Tree<const N: usize> {
 impl<const N: usize> Tree<N> {
     /// The tree of a surface, dark.
     pub fn new(index: u32, surface: &Surface, basis: Basis) -> Self {
-        let shape = if surface.full { Shape::Whole } else { Shape::cut(&surface.outline, &Cell::UNIT) };
-        let outline = match &shape {
-            Shape::Part(outline, _) => Some(outline.clone()),
-            _ => None,
-        };
+        let shape = Shape::of_surface(surface);
         Self {
             patch: Patch::new(index, surface),
             root: Element::new(basis, shape),
@@ -44,7 +40,7 @@ impl<const N: usize> Tree<N> {
             exitance_w_m2: std::array::from_fn(|n| surface.exitance_w_m2[n]),
             unshot_w: 0.0,
             indirect_w: [0.0; N],
-            outline,
+            outline: (!surface.full).then(|| surface.outline.clone().into_boxed_slice()),
         }
     }
 

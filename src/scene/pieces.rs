@@ -29,14 +29,28 @@ pub fn split(vertices: &[DVec3], plane: &Plane) -> Vec<Vec<DVec3>> {
     pieces.iter().map(|piece| pick(piece, vertices)).collect()
 }
 
-/// What a planar polygon covers, as polygons that cover it once; `None` when it does so itself.
-pub fn covered(vertices: &[DVec3], plane: &Plane) -> Option<Vec<Vec<DVec3>>> {
+/// How a planar polygon covers its region.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Cover {
+    /// Once everywhere.
+    Once,
+    /// More than once somewhere; these polygons cover the same once.
+    By(Vec<Vec<DVec3>>),
+    /// It crosses itself more often than it has corners: no region was meant, and naming one could take forever.
+    Tangle,
+}
+
+/// Whether a planar polygon covers its region once, and what does if not.
+pub fn cover(vertices: &[DVec3], plane: &Plane) -> Cover {
     let flat = project(vertices, plane);
+    if crosses_more_often(&flat, flat.len()) {
+        return Cover::Tangle;
+    }
     // Every point enclosed counts, however often and in whatever sense the polygon runs around it.
     let shapes = flat.simplify_shape_as::<i64>(FillRule::NonZero);
     let area: f64 = shapes.iter().flatten().map(|contour| signed_area(contour)).sum();
     if (area - plane.area_m2).abs() <= OVERLAP * plane.area_m2 {
-        return None;
+        return Cover::Once;
     }
     let (u, v) = plane.axes();
     let mut all = Vec::new();
@@ -52,7 +66,29 @@ pub fn covered(vertices: &[DVec3], plane: &Plane) -> Option<Vec<Vec<DVec3>>> {
             flat.iter().map(|p| p[0] * u + p[1] * v + plane.offset * plane.normal).collect();
         all.extend(pieces(&flat, &holes, |_| true).iter().map(|piece| pick(piece, &corners)));
     }
-    Some(all)
+    Cover::By(all)
+}
+
+/// Whether more than `limit` pairs of edges cross properly, by a sweep over the edges' extents along the first axis.
+fn crosses_more_often(flat: &[[f64; 2]], limit: usize) -> bool {
+    let corners: Vec<DVec2> = flat.iter().map(|p| DVec2::from_array(*p)).collect();
+    let mut edges: Vec<(DVec2, DVec2)> =
+        polygon::edges(&corners).map(|(a, b)| if a.x <= b.x { (a, b) } else { (b, a) }).collect();
+    edges.sort_by(|e, f| e.0.x.total_cmp(&f.0.x));
+    let parts = |(a, b): (DVec2, DVec2), (c, d): (DVec2, DVec2)| {
+        let (side_c, side_d) = ((b - a).perp_dot(c - a), (b - a).perp_dot(d - a));
+        (side_c > 0.0 && side_d < 0.0) || (side_c < 0.0 && side_d > 0.0)
+    };
+    let mut crossings = 0;
+    for (i, e) in edges.iter().enumerate() {
+        for f in edges[i + 1..].iter().take_while(|f| f.0.x < e.1.x) {
+            crossings += usize::from(parts(*e, *f) && parts(*f, *e));
+        }
+        if crossings > limit {
+            return true;
+        }
+    }
+    false
 }
 
 fn project(vertices: &[DVec3], plane: &Plane) -> Vec<[f64; 2]> {
@@ -169,7 +205,7 @@ mod tests {
     fn a_ring_keeps_its_bridge_edge() {
         let ring = [(0, 0), (4, 0), (4, 4), (0, 4), (0, 0), (1, 1), (1, 2), (2, 2), (2, 1), (1, 1)]
             .map(|(x, y)| DVec3::new(x as f64, y as f64, 3.0));
-        assert_eq!(covered(&ring, &plane(&ring).unwrap()), None);
+        assert_eq!(cover(&ring, &plane(&ring).unwrap()), Cover::Once);
     }
 
     #[test]
@@ -202,8 +238,19 @@ mod tests {
                 32.0,
             ),
         ] {
-            let pieces = covered(&corners, &plane(&corners).unwrap()).unwrap();
+            let Cover::By(pieces) = cover(&corners, &plane(&corners).unwrap()) else { panic!("{corners:?}") };
             assert!((area(&pieces) - expected).abs() < 1e-6, "{} {pieces:?}", area(&pieces));
         }
+    }
+
+    #[test]
+    fn a_tangle_is_recognised_before_it_costs() {
+        // Every edge crosses half of all others.
+        let tangle: Vec<DVec3> = (0..4001u32)
+            .map(|i| f64::from(i * 1999 % 4001) * std::f64::consts::TAU / 4001.0)
+            .map(|angle| DVec3::new(angle.cos(), angle.sin(), 0.0))
+            .collect();
+        let plane = Plane { normal: DVec3::Z, offset: 0.0, area_m2: 1.0 };
+        assert_eq!(cover(&tangle, &plane), Cover::Tangle);
     }
 }

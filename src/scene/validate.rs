@@ -13,7 +13,7 @@ use std::collections::HashMap;
 
 use glam::DVec3;
 
-use super::pieces::{covered, split};
+use super::pieces::{Cover, cover, split};
 use super::planar::{PLANARITY, Plane, diameter, is_convex, plane};
 use super::{Camera, Face, Findings, Light, Projection, Scene, Sides};
 
@@ -34,7 +34,7 @@ const FARTHEST_M: f64 = 1e30;
 /// shape.
 const RESOLVED: f64 = 1e-10;
 /// Faces with more corners are refused: the time to split and enclose them grows with the square.
-const MAX_CORNERS: usize = 65_536;
+const MAX_CORNERS: usize = 8192;
 
 const UNLIKE: &str = "coincident faces of unlike materials kept";
 
@@ -146,7 +146,7 @@ impl Repair<'_> {
             return self.count("face with a coordinate that is not a number or beyond 1e30 m dropped");
         }
         if face.vertices.len() > MAX_CORNERS {
-            return self.count("face with more than 65536 corners dropped");
+            return self.count("face with more than 8192 corners dropped");
         }
         let extent = self.tidy(&mut face.vertices);
         let distance = face.vertices.iter().map(|v| v.abs().max_element()).fold(0.0, f64::max);
@@ -178,14 +178,19 @@ impl Repair<'_> {
     /// Takes a planar face in, or what it covers if it overlaps itself: the exchange of light would count
     /// that twice.
     fn planar(&mut self, face: Face, plane: &Plane, seen: &mut Seen, valid: &mut Vec<Face>) {
-        let pieces = match is_convex(&face.vertices, plane) {
-            true => None,
-            false => covered(&face.vertices, plane),
+        let cover = match is_convex(&face.vertices, plane) {
+            true => Cover::Once,
+            false => cover(&face.vertices, plane),
         };
-        let Some(pieces) = pieces else { return self.keep(face, seen, valid) };
-        self.count("face that overlaps itself replaced by what it covers");
-        for vertices in pieces {
-            self.keep(Face { vertices, ..face }, seen, valid);
+        match cover {
+            Cover::Once => self.keep(face, seen, valid),
+            Cover::Tangle => self.count("face that crosses itself more often than it has corners dropped"),
+            Cover::By(pieces) => {
+                self.count("face that overlaps itself replaced by what it covers");
+                for vertices in pieces {
+                    self.keep(Face { vertices, ..face }, seen, valid);
+                }
+            }
         }
     }
 

@@ -18,7 +18,7 @@ use super::unblocked::visible_share;
 use crate::math::basis::{Basis, MAX_FUNCTIONS, legendre};
 use crate::math::polygon;
 use crate::math::quadrature::gauss;
-use crate::visibility::{Occluder, Shaft};
+use crate::visibility::{Occluder, OpaqueFaces, Shaft};
 
 /// Relative error of n × n Gauss quadrature over a cell of size s seen from distance d: `ERROR[n] (s/d)^(2n)`; fitted to the table
 /// of numerics §2, doubled for oblique pairs.
@@ -31,8 +31,11 @@ const SUBTRACTION_ERROR: f64 = 0.02;
 const MIXED_ERROR: [f64; 4] = [1.0, 0.5, 0.2, 0.1];
 const UNANIMOUS_ERROR: [f64; 4] = [1.0, 0.3, 0.06, 0.02];
 
+/// Blockers times points from which on a shaft costs less than the ray tests it may save (measured).
+const WORTH_A_SHAFT: usize = 32;
+
 /// The most convex blockers whose projections are followed exactly.
-const EXACT_PIECES: usize = 16;
+const EXACT_PIECES: usize = 40;
 
 /// Virtual splits below a packet's deepest level, at most.
 const MAX_VIRTUAL_DEPTH: u8 = 8;
@@ -56,6 +59,8 @@ pub struct Points<'a> {
 pub enum Candidates {
     /// None: proven unoccluded.
     Free,
+    /// One of them blocks everything: proven hidden.
+    Hidden,
     /// The entries of the scratch list in this range.
     List(usize, usize),
     /// Too many to list: ask the structure.
@@ -402,6 +407,7 @@ impl<'a, const N: usize> Gather<'a, N> {
             let to = nodes.eye[q];
             let blocked = match candidates {
                 Candidates::Free => false,
+                Candidates::Hidden => true,
                 Candidates::List(start, end) => {
                     let list = &mut self.scratch.candidates[start..end];
                     match list.iter().position(|f| faces.blocks(*f, from, to - from)) {
@@ -437,16 +443,24 @@ impl<'a, const N: usize> Gather<'a, N> {
         for index in 0..count {
             let Some(child) = self.packet.child(emitter, split, index) else { continue };
             let top = self.scratch.candidates.len();
-            let narrowed = self.narrow(&child, candidates);
-            self.visit(&child, active, narrowed, tolerance);
+            let narrowed = self.narrow(&child, active, candidates);
+            if narrowed != Candidates::Hidden {
+                self.visit(&child, active, narrowed, tolerance);
+            }
             self.scratch.candidates.truncate(top);
         }
     }
 
     /// The candidates that reach into the shaft to `emitter`.
-    fn narrow(&mut self, emitter: &EmitterCell<N>, candidates: Candidates) -> Candidates {
-        if candidates == Candidates::Free {
-            return candidates;
+    fn narrow(&mut self, emitter: &EmitterCell<N>, active: u32, candidates: Candidates) -> Candidates {
+        match candidates {
+            Candidates::Free | Candidates::Hidden => return candidates,
+            Candidates::List(start, end)
+                if (end - start) * (active.count_ones() as usize) < WORTH_A_SHAFT =>
+            {
+                return candidates;
+            }
+            _ => {}
         }
         let corners = cell_corners(&emitter.cell).map(|c| self.packet.frame.point(c));
         let shaft = Shaft::between(
@@ -455,7 +469,8 @@ impl<'a, const N: usize> Gather<'a, N> {
             &corners,
             Some(self.packet.frame.normal),
         );
-        narrow(self.occluder, &shaft, candidates, [self.points.face, self.packet.face], self.scratch)
+        let skip = [self.points.face, self.packet.face];
+        narrow(self.occluder, &shaft, candidates, skip, self.points.hull, &corners, self.scratch)
     }
 
     /// `None` where no light can pass between the bundle and the cell.
@@ -486,17 +501,19 @@ impl<'a, const N: usize> Gather<'a, N> {
     }
 }
 
-/// Narrows `candidates` to those that reach into `shaft`. A new list stands at the end of the scratch list.
+/// Narrows `candidates` to those that reach into `shaft`, the hull of `a` and `b`. A new list stands at the end of the scratch list.
 pub fn narrow(
     occluder: &dyn Occluder,
     shaft: &Shaft,
     candidates: Candidates,
     skip: [u32; 2],
+    a: &[DVec3],
+    b: &[DVec3],
     scratch: &mut Scratch,
 ) -> Candidates {
     let top = scratch.candidates.len();
     match candidates {
-        Candidates::Free => return Candidates::Free,
+        Candidates::Free | Candidates::Hidden => return candidates,
         Candidates::List(start, end) => {
             for i in start..end {
                 let face = scratch.candidates[i];
@@ -511,11 +528,21 @@ pub fn narrow(
             }
         }
     }
-    if scratch.candidates.len() == top {
-        Candidates::Free
-    } else {
-        Candidates::List(top, scratch.candidates.len())
+    let list = &scratch.candidates[top..];
+    if list.is_empty() {
+        return Candidates::Free;
     }
+    if list.iter().any(|face| hides(occluder.faces(), *face, a, b)) {
+        scratch.candidates.truncate(top);
+        return Candidates::Hidden;
+    }
+    Candidates::List(top, scratch.candidates.len())
+}
+
+/// Whether a convex face blocks every segment between two convex polygons. It does when it blocks those between their corners: seen from a
+/// point of one, the other projects onto the face's plane within the hull of its corners' projections.
+fn hides(faces: &OpaqueFaces, face: u32, a: &[DVec3], b: &[DVec3]) -> bool {
+    faces.piece_count(face) == 1 && a.iter().all(|p| b.iter().all(|q| faces.blocks(face, *p, *q - *p)))
 }
 
 /// Gauss nodes on an emitter cell: positions, weights in m², weighted radiosity in W.

@@ -109,6 +109,7 @@ impl<const N: usize> Source<N> for Lamp<N> {
             let (from, to) = (points.eye[p], self.origin(points.eye[p]));
             let blocked = match candidates {
                 Candidates::Free => false,
+                Candidates::Hidden => true,
                 Candidates::List(start, end) => scratch.candidates[start..end]
                     .iter()
                     .any(|f| occluder.faces().blocks(*f, from, to - from)),

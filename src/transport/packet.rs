@@ -7,7 +7,7 @@ use glam::{DVec2, DVec3};
 
 use crate::math::basis::MAX_FUNCTIONS;
 use crate::math::{Basis, Cell, Split, polygon};
-use crate::scene::Frame;
+use crate::scene::{Frame, Surface};
 
 /// What one surface has to shoot, `N` bands.
 #[derive(Clone, Debug)]
@@ -132,6 +132,11 @@ pub enum Shape {
 }
 
 impl Shape {
+    /// How the polygon lies in the surface's whole parallelogram.
+    pub fn of_surface(surface: &Surface) -> Self {
+        if surface.full { Shape::Whole } else { Self::cut(&surface.outline, &Cell::UNIT) }
+    }
+
     /// Cuts a polygon to a cell. Shares of the cell below 1e-9 count as none, above 1 − 1e-9 as all.
     pub fn cut(outline: &[DVec2], cell: &Cell) -> Self {
         let part = polygon::clip_to_cell(outline, cell);

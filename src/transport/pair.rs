@@ -31,7 +31,7 @@ pub enum Oracle {
 const UNSEEN_SHADOW: f64 = 0.08;
 
 /// Share of the point tolerance in the link tolerance: noise of the points must not look like detail.
-const POINT_SHARE: f64 = 0.3;
+const POINT_SHARE: f64 = 0.6;
 
 /// Pairs that carry less than this share of the threshold are taken by one sample.
 const COARSE_SHARE: f64 = 0.1;
@@ -364,6 +364,10 @@ impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
         if level == 0 && candidates == Candidates::Free {
             self.scratch.work.pairs_unoccluded += 1;
         }
+        if candidates == Candidates::Hidden {
+            self.scratch.work.pairs_hidden += 1;
+            return;
+        }
         let split = match self.rules.oracle {
             Oracle::Uniform(depth) if level < depth => Some(Split::Both),
             _ => self.try_link(receiver, &cell, &hull, candidates),
@@ -389,7 +393,8 @@ impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
         }
         let (source, normal) = self.source.hull(hull);
         let shaft = Shaft::between(hull, Some(self.patch.frame.normal), &source, normal);
-        narrow(self.occluder, &shaft, candidates, [self.patch.face, self.source.face()], self.scratch)
+        let skip = [self.patch.face, self.source.face()];
+        narrow(self.occluder, &shaft, candidates, skip, hull, &source, self.scratch)
     }
 
     /// Samples the element; deposits its projection and returns `None`, or returns how to divide it.
@@ -409,6 +414,13 @@ impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
         let middle = 0.25 * hull.iter().sum::<DVec3>();
         let radius = hull.iter().map(|p| p.distance(middle)).fold(0.0, f64::max);
         let estimate = self.source.estimate_w_m2(middle, radius, self.patch.frame.normal);
+        if candidates != Candidates::Free && !matches!(self.rules.oracle, Oracle::Uniform(_)) {
+            let light = self.glance(&middle, estimate);
+            let unseen = 0.7 * self.weight * UNSEEN_SHADOW * light;
+            if area.sqrt() * unseen > self.threshold && cell.size.max_element() > LEAST_EXTENT {
+                return Some(self.longer_side(cell));
+            }
+        }
         let first = Tolerance { relative: FIRST_LOOK, absolute_w_m2: FIRST_LOOK * estimate };
         let mut tolerance = first;
         loop {
@@ -434,6 +446,15 @@ impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
                 absolute_w_m2: strict.min(first.absolute_w_m2),
             };
         }
+    }
+
+    /// The light that would fall on the middle of an element if nothing stood in between, roughly.
+    fn glance(&mut self, middle: &DVec3, estimate: f64) -> f64 {
+        let point = std::slice::from_ref(middle);
+        let tolerance = Tolerance { relative: 0.2, absolute_w_m2: FIRST_LOOK * estimate };
+        let mut light = [[0.0; N]];
+        self.gather(point, point, point, Candidates::Free, tolerance, &mut light, &mut [0.0]);
+        norm(&light[0])
     }
 
     /// Samples the element once.
@@ -496,6 +517,11 @@ impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
                 return Split::V;
             }
         }
+        self.longer_side(cell)
+    }
+
+    /// Across the longer side of a slender cell, else both.
+    fn longer_side(&self, cell: &Cell) -> Split {
         let du = self.patch.frame.u.length() * cell.size.x;
         let dv = self.patch.frame.v.length() * cell.size.y;
         if du > 3.0 * dv {

@@ -17,6 +17,8 @@ pub struct Work {
     pub exact_visibilities: u64,
     /// Receiver–emitter pairs whose shaft held no candidate: no ray was needed.
     pub pairs_unoccluded: u64,
+    /// Receiver elements proven hidden from the emitter by one face.
+    pub pairs_hidden: u64,
     /// Pairs of surfaces skipped because one lies behind the other.
     pub pairs_behind: u64,
     /// Transfers too small for the error budget to be resolved: one sample was taken.
@@ -33,6 +35,7 @@ impl std::ops::AddAssign for Work {
         self.visibility_rays += o.visibility_rays;
         self.exact_visibilities += o.exact_visibilities;
         self.pairs_unoccluded += o.pairs_unoccluded;
+        self.pairs_hidden += o.pairs_hidden;
         self.pairs_behind += o.pairs_behind;
         self.pairs_coarse += o.pairs_coarse;
         self.error_squared += o.error_squared;

@@ -41,10 +41,9 @@ pub struct Limits {
 }
 
 impl Default for Limits {
-    /// Some sixteen times the largest scene known to be in use (250,000 triangles); about 1 GB of faces, a
-    /// few seconds of work.
+    /// Eight times the largest scene known to be in use (250,000 triangles): some 1.5 GB and six seconds.
     fn default() -> Self {
-        Limits { faces: 4_000_000, steps: 20_000_000 }
+        Limits { faces: 2_000_000, steps: 20_000_000 }
     }
 }
 
