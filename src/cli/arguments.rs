@@ -29,7 +29,7 @@ fn version() -> &'static str {
 #[derive(Clone, Debug, Subcommand)]
 pub enum Command {
     /// Computes the light in a scene and writes meshes, pictures, probes and a report.
-    Solve(SolveArguments),
+    Solve(Box<SolveArguments>),
     /// Makes a picture of a saved solution, or of a scene, which is solved first.
     Render(RenderArguments),
     /// Describes a scene: statistics, problems, and what would be computed and what skipped.

@@ -87,7 +87,7 @@ impl Plan {
     /// [`Error::Input`]: a value that cannot be used, with what is available; files that collide.
     pub fn new(arguments: Arguments) -> Result<Plan, Error> {
         match arguments.command {
-            Command::Solve(arguments) => SolvePlan::new(arguments).map(Plan::Solve),
+            Command::Solve(arguments) => SolvePlan::new(*arguments).map(Plan::Solve),
             Command::Render(arguments) => RenderPlan::new(arguments).map(Plan::Render),
             Command::Info(InfoArguments { scene }) => Ok(Plan::Info(scene)),
         }

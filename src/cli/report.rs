@@ -7,9 +7,9 @@ use std::time::Instant;
 use serde_json::{Value, json};
 
 use crate::math::Basis;
+use crate::output::energy_balance;
 use crate::output::machine::{Machine, peak_memory_bytes};
 use crate::output::report::{Known, Memory, Outcome, Program, Report, SceneFacts, Times, Work, Worker};
-use crate::radiosity::Solution;
 use crate::transport::Oracle;
 
 use super::load::Loaded;
@@ -109,19 +109,8 @@ fn result(solved: &Solved) -> Outcome {
         elements: outcome.elements,
         error_estimate: estimate,
         unshot_fraction: outcome.unshot_fraction,
-        energy_balance: energy_balance(solution, outcome.energy_balance),
+        energy_balance: energy_balance(solution),
         incomplete: solution.incomplete,
-    }
-}
-
-/// Unavailable where light comes from elsewhere than surfaces, or is not yet where it belongs.
-fn energy_balance(solution: &Solution, balance: f64) -> Known<f64> {
-    if !solution.scene.lights.is_empty() {
-        return Known::unavailable("lights without area are not on any surface");
-    }
-    match solution.incomplete {
-        true => Known::unavailable("the run was cut short"),
-        false => Known::Value(balance),
     }
 }
 
