@@ -8,14 +8,15 @@ pub fn summary(report: &Report) -> String {
     let (scene, memory, result) = (&report.scene, &report.memory, &report.result);
     let (surfaces, lights) = (count(scene.surfaces), count(scene.lights));
     let bands = scene.bands.join(" ");
-    let each = known(&memory.bytes_per_element, |b| format!("{b:.0} bytes each"));
+    let each =
+        memory.bytes_per_element.as_result().map(|b| format!(", {b:.0} bytes each")).unwrap_or_default();
     let mut lines = vec![
         ("scene", format!("{}: {surfaces} surfaces, {lights} lights, bands {bands}", scene.name)),
         ("time", time(&report.time_s)),
         ("error", error(report)),
         ("unshot", percent(result.unshot_fraction)),
-        ("energy", known(&result.energy_balance, |b| format!("balance {}", percent(*b)))),
-        ("elements", format!("{}, {each}", count(result.elements))),
+        ("energy", known(&result.energy_balance, |b| format!("balance off by {}", percent(*b)))),
+        ("elements", format!("{}{each}", count(result.elements))),
         ("work", work(&report.work)),
         ("skipped", skipped(&report.work, scene.bands.len())),
         ("memory", known(&memory.peak_bytes, |b| format!("{} at most", bytes(*b)))),
