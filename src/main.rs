@@ -1,3 +1,22 @@
-//! The command `wrad`.
+//! The command `wrad`: arguments → plan → run.
 
-fn main() {}
+use std::process::ExitCode;
+use std::time::Instant;
+
+use clap::Parser;
+use wavelet_radiosity::cli::{Arguments, Plan, check_processor};
+
+fn main() -> ExitCode {
+    let start = Instant::now();
+    if let Err(problem) = check_processor() {
+        eprintln!("wrad: {problem}");
+        return ExitCode::FAILURE;
+    }
+    match Plan::new(Arguments::parse()).and_then(|plan| plan.run(start)) {
+        Ok(status) => status.into(),
+        Err(error) => {
+            eprintln!("wrad: {error}");
+            error.exit_code()
+        }
+    }
+}

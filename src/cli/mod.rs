@@ -1,1 +1,25 @@
-//! Under construction.
+//! The command `wrad`: arguments → validated plan → commands.
+//!
+//! [`Arguments`] is what was typed, [`Plan`] what will be done: nothing is computed before everything that can be refused has
+//! been. Standard output carries the summary, standard error progress and problems. Exit codes: [`Status`] and [`Error`].
+
+mod arguments;
+mod choice;
+mod error;
+mod files;
+mod grey;
+mod info;
+mod interrupt;
+mod load;
+mod plan;
+mod probes;
+mod processor;
+mod progress;
+mod render;
+mod report;
+mod solve;
+
+pub use arguments::Arguments;
+pub use error::{Error, Status};
+pub use plan::Plan;
+pub use processor::check as check_processor;

@@ -1,6 +1,7 @@
 //! Results for people and programs: meshes, pictures, saved solutions, reports.
 
 mod atomic;
+mod balance;
 pub mod colour;
 mod convex;
 mod error;
@@ -20,6 +21,7 @@ mod vtu;
 mod write;
 
 pub use atomic::write_atomically;
+pub use balance::energy_balance;
 pub use error::Error;
 pub use glb::write_glb;
 pub use image::ImageOptions;

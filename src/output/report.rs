@@ -147,14 +147,26 @@ pub struct Work {
     pub interactions: u64,
     /// Evaluations of the kernel without visibility.
     pub kernel_evaluations: u64,
+    /// Evaluations of Lambert's closed form.
+    pub lambert_evaluations: u64,
     /// Segments tested for occlusion.
     pub visibility_rays: u64,
+    /// Visible parts of emitters computed exactly.
+    pub exact_visibilities: u64,
     /// Pairs of surfaces that needed no transport, by reason.
     pub pairs_skipped: BTreeMap<String, u64>,
-    /// Emitters shot.
+    /// Pairs of a receiver and an emitter with nothing in between, which needed no ray.
+    pub pairs_without_rays: u64,
+    /// Transfers too small to be resolved, for which one sample was taken.
+    pub transfers_coarse: u64,
+    /// Bands computed; the others are copies of them.
+    pub bands_computed: u64,
+    /// Emitters shot in the last pass.
     pub shots: u64,
-    /// Batches of emitters.
+    /// Batches of emitters in the last pass.
     pub batches: u64,
+    /// Passes at decreasing thresholds, the pilot included. The counts above are of all of them.
+    pub passes: u64,
 }
 
 /// The solution in numbers.
@@ -166,7 +178,8 @@ pub struct Outcome {
     pub error_estimate: Known<f64>,
     /// Power not yet shot over power emitted.
     pub unshot_fraction: f64,
-    /// `Σ A E / Σ A B − 1` of a closed scene; unavailable for open ones.
+    /// `1 − Σ A E / Σ A B` over all surfaces and bands: 0 for a closed scene, the share of the light that leaves or falls on
+    /// black backs for others.
     pub energy_balance: Known<f64>,
     /// Whether the run was cut short.
     pub incomplete: bool,
@@ -269,10 +282,16 @@ pub(super) mod tests {
             work: Work {
                 interactions: 1_230_000,
                 kernel_evaluations: 48_100_000,
+                lambert_evaluations: 1_300_000,
                 visibility_rays: 5_020_000,
+                exact_visibilities: 2_100,
                 pairs_skipped: BTreeMap::from([("behind".to_owned(), 320), ("black".to_owned(), 12)]),
+                pairs_without_rays: 41_000,
+                transfers_coarse: 900,
+                bands_computed: 3,
                 shots: 96,
                 batches: 7,
+                passes: 2,
             },
             result: Outcome {
                 elements: 48_213,

@@ -8,16 +8,17 @@ pub fn summary(report: &Report) -> String {
     let (scene, memory, result) = (&report.scene, &report.memory, &report.result);
     let (surfaces, lights) = (count(scene.surfaces), count(scene.lights));
     let bands = scene.bands.join(" ");
-    let each = known(&memory.bytes_per_element, |b| format!("{b:.0} bytes each"));
+    let each =
+        memory.bytes_per_element.as_result().map(|b| format!(", {b:.0} bytes each")).unwrap_or_default();
     let mut lines = vec![
         ("scene", format!("{}: {surfaces} surfaces, {lights} lights, bands {bands}", scene.name)),
         ("time", time(&report.time_s)),
         ("error", error(report)),
         ("unshot", percent(result.unshot_fraction)),
-        ("energy", known(&result.energy_balance, |b| format!("balance {}", percent(*b)))),
-        ("elements", format!("{}, {each}", count(result.elements))),
+        ("energy", known(&result.energy_balance, |b| format!("balance off by {}", percent(*b)))),
+        ("elements", format!("{}{each}", count(result.elements))),
         ("work", work(&report.work)),
-        ("skipped", skipped(&report.work)),
+        ("skipped", skipped(&report.work, scene.bands.len())),
         ("memory", known(&memory.peak_bytes, |b| format!("{} at most", bytes(*b)))),
         ("workers", workers(&report.workers)),
         ("counters", counters(report)),
@@ -43,20 +44,28 @@ fn time(time: &Times) -> String {
 fn work(work: &Work) -> String {
     let (interactions, kernel) = (count(work.interactions), count(work.kernel_evaluations));
     let (rays, shots, batches) = (count(work.visibility_rays), count(work.shots), count(work.batches));
+    let passes = work.passes;
     format!(
-        "{interactions} interactions, {kernel} kernel evaluations, {rays} visibility rays, \
-         {shots} shots in {batches} batches"
+        "{interactions} interactions, {kernel} kernel evaluations, {rays} visibility rays in {passes} passes; \
+         {shots} shots in {batches} batches in the last"
     )
 }
 
-fn skipped(work: &Work) -> String {
-    if work.pairs_skipped.is_empty() {
-        return "no pairs".to_owned();
-    }
-    let total = count(work.pairs_skipped.values().sum());
+fn skipped(work: &Work, bands: usize) -> String {
+    let total: u64 = work.pairs_skipped.values().sum();
     let reasons: Vec<String> =
         work.pairs_skipped.iter().map(|(reason, n)| format!("{} {reason}", count(*n))).collect();
-    format!("{total} pairs: {}", reasons.join(", "))
+    let mut parts = match total {
+        0 => vec!["no pairs".to_owned()],
+        _ => vec![format!("{} pairs: {}", count(total), reasons.join(", "))],
+    };
+    if work.pairs_without_rays > 0 {
+        parts.push(format!("rays of {} pairs with nothing in between", count(work.pairs_without_rays)));
+    }
+    if work.bands_computed < bands as u64 {
+        parts.push(format!("{} of {bands} bands, all alike", bands as u64 - work.bands_computed));
+    }
+    parts.join("; ")
 }
 
 fn known<T>(value: &Known<T>, show: impl Fn(&T) -> String) -> String {
@@ -121,8 +130,8 @@ error     0.810 % estimated, 1.00 % asked for
 unshot    0.120 %
 energy    unavailable: the scene is open
 elements  48.2 k, 312 bytes each
-work      1.23 M interactions, 48.1 M kernel evaluations, 5.02 M visibility rays, 96 shots in 7 batches
-skipped   332 pairs: 320 behind, 12 black
+work      1.23 M interactions, 48.1 M kernel evaluations, 5.02 M visibility rays in 2 passes; 96 shots in 7 batches in the last
+skipped   332 pairs: 320 behind, 12 black; rays of 41.0 k pairs with nothing in between
 memory    132 MiB at most
 workers   2: 95.0 % busy, 4.00 % idle, 1.00 % stealing
 counters  unavailable: this machine gives access to no hardware counters

@@ -5,6 +5,7 @@
 
 mod brute;
 mod bvh;
+mod convex;
 mod opaque;
 mod shaft;
 
@@ -12,6 +13,7 @@ use glam::DVec3;
 
 pub use brute::Brute;
 pub use bvh::Bvh;
+pub use convex::nothing_between;
 pub use opaque::OpaqueFaces;
 pub use shaft::Shaft;
 
@@ -32,6 +34,24 @@ pub trait Occluder: Sync {
 
     /// The first face hit by the ray and the distance in units of `direction`'s length.
     fn first_hit(&self, origin: DVec3, direction: DVec3) -> Option<(u32, f64)>;
+}
+
+impl<T: Occluder + ?Sized> Occluder for &T {
+    fn faces(&self) -> &OpaqueFaces {
+        (**self).faces()
+    }
+
+    fn blocker(&self, from: DVec3, to: DVec3, skip: [u32; 2]) -> Option<u32> {
+        (**self).blocker(from, to, skip)
+    }
+
+    fn candidates(&self, shaft: &Shaft, skip: [u32; 2], limit: usize, out: &mut Vec<u32>) -> bool {
+        (**self).candidates(shaft, skip, limit, out)
+    }
+
+    fn first_hit(&self, origin: DVec3, direction: DVec3) -> Option<(u32, f64)> {
+        (**self).first_hit(origin, direction)
+    }
 }
 
 /// No occluder at all, for scenes and studies where nothing can stand in between; rays still find faces.

@@ -75,7 +75,7 @@ fn project(v: DVec3, axis: u8) -> DVec2 {
 }
 
 /// Newell's normal: twice the vector area of a polygon.
-fn vector_area(vertices: &[DVec3]) -> DVec3 {
+pub(super) fn vector_area(vertices: &[DVec3]) -> DVec3 {
     let anchor = vertices[0];
     (1..vertices.len() - 1).map(|i| (vertices[i] - anchor).cross(vertices[i + 1] - anchor)).sum()
 }

@@ -1,0 +1,145 @@
+//! What was typed. Values are checked in [`super::plan`], so that each refusal can say what is available.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand};
+
+/// Wavelet radiosity: the inter-reflection of light in diffuse scenes, to a stated error.
+#[derive(Clone, Debug, Parser)]
+#[command(name = "wrad", version = version(), after_help = EXIT_CODES)]
+pub struct Arguments {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+const EXIT_CODES: &str = "Exit codes: 0 done, 1 failed, 2 wrong usage or bad input, 130 interrupted.\n\
+     A first Ctrl-C stops cleanly and writes what is done, marked incomplete; a second one ends at once.";
+
+fn version() -> &'static str {
+    match option_env!("WRAD_COMMIT") {
+        Some(commit) if !commit.is_empty() => {
+            concat!(env!("CARGO_PKG_VERSION"), " (", env!("WRAD_COMMIT"), ")")
+        }
+        _ => env!("CARGO_PKG_VERSION"),
+    }
+}
+
+/// The commands.
+#[derive(Clone, Debug, Subcommand)]
+pub enum Command {
+    /// Computes the light in a scene and writes meshes, pictures, probes and a report.
+    Solve(Box<SolveArguments>),
+    /// Makes a picture of a saved solution, or of a scene, which is solved first.
+    Render(RenderArguments),
+    /// Describes a scene: statistics, problems, and what would be computed and what skipped.
+    Info(InfoArguments),
+}
+
+/// What to solve and how finely.
+#[derive(Clone, Debug, Args)]
+pub struct AccuracyArguments {
+    /// Relative error asked for: the L2 norm over all surfaces and bands, measured on reflected radiosity.
+    #[arg(long, value_name = "E", default_value = "0.01", allow_negative_numbers = true)]
+    pub error: String,
+    /// Function basis: haar, m2, m3 or auto.
+    #[arg(long, value_name = "NAME", default_value = "auto")]
+    pub basis: String,
+}
+
+/// Arguments of `wrad solve`.
+#[derive(Clone, Debug, Args)]
+pub struct SolveArguments {
+    /// The scene: an Open Inventor or VRML 1.0 file in text form.
+    pub scene: PathBuf,
+    /// How finely.
+    #[command(flatten)]
+    pub accuracy: AccuracyArguments,
+    /// Solver: shoot.
+    #[arg(long, value_name = "NAME", default_value = "shoot")]
+    pub method: String,
+    /// Links between elements: recompute or auto.
+    #[arg(long, value_name = "NAME", default_value = "auto")]
+    pub links: String,
+    /// What refinement looks at: energy (light transported) or geometry (the kernel alone).
+    #[arg(long, value_name = "NAME", default_value = "energy")]
+    pub oracle: String,
+    /// Visibility: bvh, or none where nothing stands in between. Without it: none for scenes seen to be
+    /// convex, else bvh.
+    #[arg(long, value_name = "NAME")]
+    pub visibility: Option<String>,
+    /// Computes direct illumination only.
+    #[arg(long)]
+    pub direct_only: bool,
+    /// Who computes which pair when: sequential.
+    #[arg(long, value_name = "NAME", default_value = "sequential")]
+    pub schedule: String,
+    /// Worker threads: 1.
+    #[arg(long, value_name = "N", default_value = "1", allow_negative_numbers = true)]
+    pub threads: String,
+    /// Which worker on which CPU: none.
+    #[arg(long, value_name = "POLICY", default_value = "none")]
+    pub pin: String,
+    /// Where elements lie in memory: malloc.
+    #[arg(long, value_name = "POLICY", default_value = "malloc")]
+    pub memory: String,
+    /// Cache and memory counters: auto or off.
+    #[arg(long, value_name = "SOURCE", default_value = "auto")]
+    pub counters: String,
+    /// Points to measure at: CSV whose header holds x, y, z, nx, ny, nz.
+    #[arg(long, value_name = "FILE.csv", requires = "probes_out")]
+    pub probes: Option<PathBuf>,
+    /// Where the probes go, with irradiance and radiosity appended.
+    #[arg(long, value_name = "FILE.csv", requires = "probes")]
+    pub probes_out: Option<PathBuf>,
+    /// A result, by extension: .glb .ply .vtu (meshes), .png .exr (pictures), .wrad (solution). Repeatable.
+    #[arg(long, value_name = "FILE")]
+    pub out: Vec<PathBuf>,
+    /// Where the report of the run goes.
+    #[arg(long, value_name = "FILE.json")]
+    pub report: Option<PathBuf>,
+    /// Prints neither summary nor progress nor warnings.
+    #[arg(long)]
+    pub quiet: bool,
+}
+
+/// Arguments of `wrad render`.
+#[derive(Clone, Debug, Args)]
+pub struct RenderArguments {
+    /// A solution saved by `wrad solve --out FILE.wrad`, or a scene.
+    pub input: PathBuf,
+    /// The picture: .png or .exr.
+    #[arg(long, value_name = "IMAGE")]
+    pub out: PathBuf,
+    /// A camera of the scene by its name; without it the first, or an automatic view.
+    #[arg(long, value_name = "NAME")]
+    pub camera: Option<String>,
+    /// Width and height in pixels, such as 1280x960.
+    #[arg(long, value_name = "WxH")]
+    pub size: Option<String>,
+    /// Draws the borders of the elements.
+    #[arg(long)]
+    pub mesh: bool,
+    /// Shows irradiance in false colours, with a legend.
+    #[arg(long, conflicts_with = "exposure")]
+    pub falsecolor: bool,
+    /// The factor from radiance to display values (0.18 is middle grey); automatic without it.
+    #[arg(long, value_name = "FACTOR", allow_negative_numbers = true)]
+    pub exposure: Option<String>,
+    /// Error to which a scene is solved first [default: 0.01].
+    #[arg(long, value_name = "E", allow_negative_numbers = true)]
+    pub error: Option<String>,
+    /// Basis in which a scene is solved first [default: auto].
+    #[arg(long, value_name = "NAME")]
+    pub basis: Option<String>,
+    /// Prints no progress and no warnings.
+    #[arg(long)]
+    pub quiet: bool,
+}
+
+/// Arguments of `wrad info`.
+#[derive(Clone, Debug, Args)]
+pub struct InfoArguments {
+    /// The scene: an Open Inventor or VRML 1.0 file in text form.
+    pub scene: PathBuf,
+}

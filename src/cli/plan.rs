@@ -1,0 +1,243 @@
+//! What will be done: the arguments, each checked and resolved. A plan that exists can be run.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use crate::math::Basis;
+use crate::output::{ImageOptions, OutputKind};
+use crate::schedule::Options;
+use crate::transport::Oracle;
+
+use super::arguments::{Command, InfoArguments, RenderArguments, SolveArguments};
+use super::choice::{choose, positive};
+use super::{Arguments, Error, Status, files, info, render, solve};
+
+/// Solved to this error where none is asked for.
+const DEFAULT_ERROR: f64 = 0.01;
+
+/// A run that can be started.
+#[derive(Clone, Debug)]
+pub enum Plan {
+    /// `wrad solve`.
+    Solve(SolvePlan),
+    /// `wrad render`.
+    Render(RenderPlan),
+    /// `wrad info`.
+    Info(PathBuf),
+}
+
+/// What `wrad solve` will do.
+#[derive(Clone, Debug)]
+pub struct SolvePlan {
+    /// The scene file.
+    pub scene: PathBuf,
+    /// How to solve.
+    pub options: Options,
+    /// The structure to ask about visibility.
+    pub visibility: Visibility,
+    /// Points to measure at, and where the readings go.
+    pub probes: Option<(PathBuf, PathBuf)>,
+    /// Results to write; their extensions stand for formats.
+    pub out: Vec<PathBuf>,
+    /// Where the report goes.
+    pub report: Option<PathBuf>,
+    /// Why there are no counters.
+    pub no_counters: &'static str,
+    /// Whether to print neither summary nor progress nor warnings.
+    pub quiet: bool,
+}
+
+/// How visibility is decided.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Visibility {
+    /// Nothing stands between in a scene that is seen to be convex, else by the hierarchy.
+    Auto,
+    /// By the hierarchy.
+    Bvh,
+    /// Nothing stands in between.
+    None,
+}
+
+/// What `wrad render` will do.
+#[derive(Clone, Debug)]
+pub struct RenderPlan {
+    /// Where the solution comes from.
+    pub source: RenderSource,
+    /// The picture.
+    pub out: PathBuf,
+    /// How it looks.
+    pub image: ImageOptions,
+    /// Whether to print no progress and no warnings.
+    pub quiet: bool,
+}
+
+/// Where `wrad render` takes its solution from.
+#[derive(Clone, Debug)]
+pub enum RenderSource {
+    /// A saved solution.
+    Saved(PathBuf),
+    /// A scene, to be solved first.
+    Scene(PathBuf, Options),
+}
+
+impl Plan {
+    /// Checks and resolves the arguments.
+    ///
+    /// # Errors
+    /// [`Error::Input`]: a value that cannot be used, with what is available; files that collide.
+    pub fn new(arguments: Arguments) -> Result<Plan, Error> {
+        match arguments.command {
+            Command::Solve(arguments) => SolvePlan::new(*arguments).map(Plan::Solve),
+            Command::Render(arguments) => RenderPlan::new(arguments).map(Plan::Render),
+            Command::Info(InfoArguments { scene }) => Ok(Plan::Info(scene)),
+        }
+    }
+
+    /// Does what is planned; `start` is when the program started.
+    ///
+    /// # Errors
+    /// A bad scene or probe file, or a result that cannot be written.
+    pub fn run(&self, start: Instant) -> Result<Status, Error> {
+        match self {
+            Plan::Solve(plan) => solve::run(plan, start),
+            Plan::Render(plan) => render::run(plan),
+            Plan::Info(scene) => info::run(scene),
+        }
+    }
+}
+
+impl SolvePlan {
+    fn new(arguments: SolveArguments) -> Result<SolvePlan, Error> {
+        only_what_exists(&arguments)?;
+        let error = positive("--error", &arguments.accuracy.error, 1.0)?;
+        let oracles = [("energy", Oracle::Energy), ("geometry", Oracle::Geometry)];
+        let options = Options {
+            error,
+            basis: basis(&arguments.accuracy.basis, error)?,
+            oracle: choose("--oracle", &arguments.oracle, &oracles, &[])?,
+            direct_only: arguments.direct_only,
+        };
+        let visibility = match &arguments.visibility {
+            None => Visibility::Auto,
+            Some(name) => {
+                let available = [("bvh", Visibility::Bvh), ("none", Visibility::None)];
+                choose("--visibility", name, &available, &["bsp"])?
+            }
+        };
+        for path in &arguments.out {
+            OutputKind::from_path(path).map_err(|error| Error::Input(error.to_string()))?;
+        }
+        let inputs = [Some(&arguments.scene), arguments.probes.as_ref()];
+        let results = arguments.out.iter().chain(&arguments.probes_out).chain(&arguments.report);
+        files::check(&paths(inputs.into_iter().flatten()), &paths(results))?;
+        let no_counters = match arguments.counters.as_str() {
+            "off" => "switched off by --counters off",
+            _ => "this version of wrad reads no counters",
+        };
+        Ok(SolvePlan {
+            scene: arguments.scene,
+            options,
+            visibility,
+            probes: arguments.probes.zip(arguments.probes_out),
+            out: arguments.out,
+            report: arguments.report,
+            no_counters,
+            quiet: arguments.quiet,
+        })
+    }
+}
+
+fn paths<'a>(paths: impl Iterator<Item = &'a PathBuf>) -> Vec<&'a Path> {
+    paths.map(PathBuf::as_path).collect()
+}
+
+/// Refuses what the contract of the command line names and this version cannot do.
+fn only_what_exists(arguments: &SolveArguments) -> Result<(), Error> {
+    choose("--method", &arguments.method, &[("shoot", ())], &["gather"])?;
+    choose("--links", &arguments.links, &[("recompute", ()), ("auto", ())], &["store"])?;
+    let later = [
+        "inner-loop",
+        "single-queue",
+        "outer-loop",
+        "inner-loop+lure",
+        "single-queue+lure",
+        "outer-loop+lure",
+        "stealing",
+    ];
+    choose("--schedule", &arguments.schedule, &[("sequential", ())], &later)?;
+    let threads = &arguments.threads;
+    let planned: &[&str] =
+        if threads.parse::<u32>().is_ok_and(|n| n > 1) { &[threads.as_str()] } else { &[] };
+    choose("--threads", threads, &[("1", ())], planned)?;
+    choose("--pin", &arguments.pin, &[("none", ())], &["compact", "scatter"])?;
+    choose("--memory", &arguments.memory, &[("malloc", ())], &["node", "interleave", "first-touch"])?;
+    choose("--counters", &arguments.counters, &[("auto", ()), ("off", ())], &["hardware", "simulated"])
+}
+
+/// The basis that `name` stands for.
+fn basis(name: &str, error: f64) -> Result<Basis, Error> {
+    let bases =
+        [("haar", Basis::Haar), ("m2", Basis::M2), ("m3", Basis::M3), ("auto", automatic_basis(error))];
+    choose("--basis", name, &bases, &[])
+}
+
+/// The basis that reaches an error soonest: the higher order pays once elements are small.
+fn automatic_basis(error: f64) -> Basis {
+    if error < 0.02 { Basis::M3 } else { Basis::M2 }
+}
+
+impl RenderPlan {
+    fn new(arguments: RenderArguments) -> Result<RenderPlan, Error> {
+        let kind = OutputKind::from_path(&arguments.out).map_err(|error| Error::Input(error.to_string()))?;
+        let refuse = |text: String| Err(Error::Input(text));
+        let out = arguments.out.display();
+        if !kind.is_image() {
+            return refuse(format!(
+                "{out}: wrad render writes pictures: .png or .exr; for the rest: wrad solve"
+            ));
+        }
+        if kind == OutputKind::Exr && (arguments.mesh || arguments.falsecolor || arguments.exposure.is_some())
+        {
+            return refuse(format!(
+                "{out}: an .exr holds linear radiance; --mesh, --falsecolor and --exposure are for .png"
+            ));
+        }
+        files::check(&[&arguments.input], &[&arguments.out])?;
+        let mut image = ImageOptions {
+            camera: arguments.camera,
+            mesh: arguments.mesh,
+            falsecolor: arguments.falsecolor,
+            ..ImageOptions::default()
+        };
+        image.size = arguments.size.as_deref().map(size).transpose()?;
+        image.exposure =
+            arguments.exposure.map(|text| positive("--exposure", &text, f64::MAX)).transpose()?;
+        let saved = OutputKind::from_path(&arguments.input).is_ok_and(|kind| kind == OutputKind::Wrad);
+        let source = if saved {
+            if arguments.error.is_some() || arguments.basis.is_some() {
+                let input = arguments.input.display();
+                return refuse(format!(
+                    "{input}: --error and --basis are for scenes; this is already solved"
+                ));
+            }
+            RenderSource::Saved(arguments.input)
+        } else {
+            let error = arguments.error.map_or(Ok(DEFAULT_ERROR), |text| positive("--error", &text, 1.0))?;
+            let basis = basis(arguments.basis.as_deref().unwrap_or("auto"), error)?;
+            let options = Options { error, basis, oracle: Oracle::Energy, direct_only: false };
+            RenderSource::Scene(arguments.input, options)
+        };
+        Ok(RenderPlan { source, out: arguments.out, image, quiet: arguments.quiet })
+    }
+}
+
+/// A size as in `1280x960`.
+fn size(text: &str) -> Result<(u32, u32), Error> {
+    let numbers = text.split_once(['x', 'X', '×']).map(|(w, h)| (w.parse(), h.parse()));
+    match numbers {
+        Some((Ok(width), Ok(height))) => Ok((width, height)),
+        _ => {
+            Err(Error::Input(format!("--size {text}: expected width and height in pixels, such as 1280x960")))
+        }
+    }
+}

@@ -1,0 +1,37 @@
+//! `wrad render`: a picture of a saved solution, or of a scene, which is solved first.
+
+use crate::output::{self, solution_file};
+use crate::visibility::{Bvh, OpaqueFaces};
+
+use super::load::{Loaded, caster};
+use super::plan::{RenderPlan, RenderSource, Visibility};
+use super::solve::solve;
+use super::{Error, Status};
+
+/// Runs the plan.
+pub(super) fn run(plan: &RenderPlan) -> Result<Status, Error> {
+    let input = |error: output::Error| Error::Input(error.to_string());
+    let (solution, bvh) = match &plan.source {
+        RenderSource::Saved(path) => {
+            let solution = solution_file::load(path).map_err(input)?;
+            plan.image.check(&solution.scene).map_err(input)?;
+            let bvh = Bvh::new(OpaqueFaces::new(&solution.scene));
+            (solution, bvh)
+        }
+        RenderSource::Scene(path, options) => {
+            let loaded = Loaded::read(path)?;
+            plan.image.check(&loaded.scene).map_err(input)?;
+            let solved = solve(&loaded, options, Visibility::Auto, plan.quiet);
+            (solved.outcome.solution, loaded.bvh)
+        }
+    };
+    if solution.incomplete && !plan.quiet {
+        eprintln!("wrad: warning: the solution is incomplete: its run was cut short");
+    }
+    let cast = caster(&solution.surfaces, &bvh);
+    output::write(&solution, &plan.out, &plan.image, &cast).map_err(|error| Error::Output(vec![error]))?;
+    match (&plan.source, solution.incomplete) {
+        (RenderSource::Scene(..), true) => Ok(Status::Interrupted),
+        _ => Ok(Status::Done),
+    }
+}

@@ -1,0 +1,136 @@
+//! The report of a run of `wrad solve`, from what each phase knows.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::time::Instant;
+
+use serde_json::{Value, json};
+
+use crate::math::Basis;
+use crate::output::energy_balance;
+use crate::output::machine::{Machine, peak_memory_bytes};
+use crate::output::report::{Known, Memory, Outcome, Program, Report, SceneFacts, Times, Work, Worker};
+use crate::transport::Oracle;
+
+use super::load::Loaded;
+use super::plan::SolvePlan;
+use super::solve::Solved;
+
+/// The report; `start` is when the program started.
+pub(super) fn of_run(
+    plan: &SolvePlan,
+    loaded: &Loaded,
+    solved: &Solved,
+    output_s: f64,
+    start: Instant,
+) -> Report {
+    Report {
+        program: Program::this(),
+        machine: Machine::this(),
+        scene: SceneFacts::new(&loaded.scene, &loaded.surfaces),
+        options: options(plan, solved),
+        work: work(solved),
+        result: result(solved),
+        memory: memory(),
+        workers: vec![worker(solved)],
+        counters: Known::unavailable(plan.no_counters),
+        time_s: Times {
+            load: loaded.load_s,
+            build: loaded.build_s,
+            direct: solved.direct_s,
+            interreflection: solved.interreflection_s,
+            output: output_s,
+            total: start.elapsed().as_secs_f64(),
+        },
+    }
+}
+
+fn options(plan: &SolvePlan, solved: &Solved) -> BTreeMap<String, Value> {
+    let path = |path: &Path| path.to_string_lossy().into_owned();
+    let basis = match plan.options.basis {
+        Basis::Haar => "haar",
+        Basis::M2 => "m2",
+        Basis::M3 => "m3",
+    };
+    let oracle = match plan.options.oracle {
+        Oracle::Energy => json!("energy"),
+        Oracle::Geometry => json!("geometry"),
+        Oracle::Uniform(levels) => json!({ "uniform": levels }),
+    };
+    let pairs = [
+        ("scene", json!(path(&plan.scene))),
+        ("error", json!(plan.options.error)),
+        ("basis", json!(basis)),
+        ("method", json!("shoot")),
+        ("links", json!("recompute")),
+        ("oracle", oracle),
+        ("visibility", json!(if solved.unoccluded { "none" } else { "bvh" })),
+        ("direct_only", json!(plan.options.direct_only)),
+        ("schedule", json!("sequential")),
+        ("threads", json!(1)),
+        ("pin", json!("none")),
+        ("memory", json!("malloc")),
+        ("counters", json!("off")),
+        ("probes", json!(plan.probes.as_ref().map(|(input, _)| path(input)))),
+        ("probes_out", json!(plan.probes.as_ref().map(|(_, out)| path(out)))),
+        ("out", json!(plan.out.iter().map(|out| path(out)).collect::<Vec<_>>())),
+        ("report", json!(plan.report.as_deref().map(path))),
+        ("quiet", json!(plan.quiet)),
+    ];
+    pairs.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
+}
+
+fn work(solved: &Solved) -> Work {
+    let (outcome, done) = (&solved.outcome, &solved.outcome.work);
+    Work {
+        interactions: done.interactions,
+        kernel_evaluations: done.kernel_evaluations,
+        lambert_evaluations: done.lambert_evaluations,
+        visibility_rays: done.visibility_rays,
+        exact_visibilities: done.exact_visibilities,
+        pairs_skipped: BTreeMap::from([("behind".to_owned(), done.pairs_behind)]),
+        pairs_without_rays: done.pairs_unoccluded,
+        transfers_coarse: done.pairs_coarse,
+        bands_computed: solved.bands_computed as u64,
+        shots: outcome.statistics.shots,
+        batches: outcome.statistics.batches,
+        passes: outcome.passes as u64,
+    }
+}
+
+fn result(solved: &Solved) -> Outcome {
+    let outcome = &solved.outcome;
+    let solution = &outcome.solution;
+    let estimate = match solution.incomplete {
+        true => Known::unavailable("the run was cut short"),
+        false => Known::Value(solution.error_estimate),
+    };
+    Outcome {
+        elements: outcome.elements,
+        error_estimate: estimate,
+        unshot_fraction: outcome.unshot_fraction,
+        energy_balance: energy_balance(solution),
+        incomplete: solution.incomplete,
+    }
+}
+
+fn memory() -> Memory {
+    let on_heap = "elements are on the heap of the process";
+    Memory {
+        peak_bytes: peak_memory_bytes(),
+        bytes_per_element: Known::unavailable(format!("{on_heap}, which does not tell them apart")),
+        arena_bytes_per_node: Known::unavailable(format!("{on_heap}, not in arenas")),
+        pages_per_node: Known::unavailable(format!("{on_heap}, not in arenas")),
+    }
+}
+
+fn worker(solved: &Solved) -> Worker {
+    Worker {
+        cpu: Known::unavailable("not pinned (--pin none)"),
+        node: Known::unavailable("not pinned (--pin none)"),
+        busy_s: solved.direct_s + solved.interreflection_s,
+        idle_s: 0.0,
+        steal_s: 0.0,
+        lock_s: 0.0,
+    }
+}

@@ -1,0 +1,122 @@
+//! `wrad solve`: load → solve → probes and results → report and summary.
+
+use std::io::Write;
+use std::time::Instant;
+
+use crate::output::{self, ImageOptions, OutputKind, Report};
+use crate::radiosity::probe::read_probes;
+use crate::schedule::{self, Options, Outcome};
+use crate::visibility::{Occluder, Unoccluded, nothing_between};
+
+use super::load::{Loaded, caster};
+use super::plan::{SolvePlan, Visibility};
+use super::probes::Probes;
+use super::progress::Watch;
+use super::{Error, Status, grey, interrupt, report};
+
+/// A solved scene, and what the report needs to know besides.
+pub(super) struct Solved {
+    pub outcome: Outcome,
+    /// Whether no ray was cast because nothing could be in between.
+    pub unoccluded: bool,
+    /// Bands computed; the others are copies.
+    pub bands_computed: usize,
+    pub direct_s: f64,
+    pub interreflection_s: f64,
+}
+
+/// Runs the plan; `start` is when the program started.
+pub(super) fn run(plan: &SolvePlan, start: Instant) -> Result<Status, Error> {
+    let probes = plan.probes.as_ref().map(|(input, _)| Probes::read(input)).transpose()?;
+    let loaded = Loaded::read(&plan.scene)?;
+    check(plan, probes.as_ref(), &loaded)?;
+    let solved = solve(&loaded, &plan.options, plan.visibility, plan.quiet);
+    let writing = Instant::now();
+    let mut failures = write_results(plan, probes.as_ref(), &loaded, &solved);
+    let output_s = writing.elapsed().as_secs_f64();
+    let report = report::of_run(plan, &loaded, &solved, output_s, start);
+    if let Some(path) = &plan.report {
+        failures.extend(report.write(path).err());
+    }
+    if !plan.quiet {
+        print_summary(&report);
+    }
+    match failures.is_empty() {
+        false => Err(Error::Output(failures)),
+        true if solved.outcome.solution.incomplete => Ok(Status::Interrupted),
+        true => Ok(Status::Done),
+    }
+}
+
+/// Refuses what would fail after the work is done.
+fn check(plan: &SolvePlan, probes: Option<&Probes>, loaded: &Loaded) -> Result<(), Error> {
+    if let (Some(probes), Some((path, _))) = (probes, &plan.probes) {
+        probes.check(path, &loaded.scene.bands)?;
+    }
+    if plan.out.iter().any(|path| OutputKind::from_path(path).is_ok_and(OutputKind::is_image)) {
+        ImageOptions::default().check(&loaded.scene).map_err(|error| Error::Input(error.to_string()))?;
+    }
+    Ok(())
+}
+
+/// Solves a scene, watched: progress on a terminal, Ctrl-C stops it.
+pub(super) fn solve(loaded: &Loaded, options: &Options, visibility: Visibility, quiet: bool) -> Solved {
+    if !quiet {
+        loaded.warnings().iter().for_each(|warning| eprintln!("wrad: warning: {warning}"));
+    }
+    interrupt::install(quiet);
+    let unoccluded = match visibility {
+        Visibility::Auto => nothing_between(&loaded.scene),
+        Visibility::Bvh => false,
+        Visibility::None => true,
+    };
+    let nothing = Unoccluded(&loaded.bvh);
+    let occluder: &dyn Occluder = if unoccluded { &nothing } else { &loaded.bvh };
+    let mut watch = Watch::new(quiet);
+    let grey = grey::one_band(&loaded.scene, &loaded.surfaces);
+    let (scene, surfaces) = match &grey {
+        Some((scene, surfaces)) => (scene, surfaces),
+        None => (&loaded.scene, &loaded.surfaces),
+    };
+    let mut outcome = schedule::solve(scene, surfaces, occluder, options, &mut watch);
+    watch.finish();
+    if grey.is_some() {
+        grey::in_all_bands(&mut outcome.solution, &loaded.scene, &loaded.surfaces);
+    }
+    Solved {
+        outcome,
+        unoccluded,
+        bands_computed: scene.bands.len(),
+        direct_s: watch.direct_s,
+        interreflection_s: watch.interreflection_s,
+    }
+}
+
+/// Writes everything but the report; one failure does not cost the other results.
+fn write_results(
+    plan: &SolvePlan,
+    probes: Option<&Probes>,
+    loaded: &Loaded,
+    solved: &Solved,
+) -> Vec<output::Error> {
+    let solution = &solved.outcome.solution;
+    let mut failures = Vec::new();
+    if let (Some(probes), Some((_, path))) = (probes, &plan.probes) {
+        // Sensors may stand where surfaces do not: outside a convex scene, behind its faces.
+        let nothing = Unoccluded(&loaded.bvh);
+        let occluder: &dyn Occluder =
+            if plan.visibility == Visibility::None { &nothing } else { &loaded.bvh };
+        let readings = read_probes(solution, occluder, &probes.points);
+        failures.extend(probes.write(&readings, &solution.scene.bands, path).err());
+    }
+    let cast = caster(&solution.surfaces, &loaded.bvh);
+    for path in &plan.out {
+        failures.extend(output::write(solution, path, &ImageOptions::default(), &cast).err());
+    }
+    failures
+}
+
+fn print_summary(report: &Report) {
+    // A reader that has gone away is not an error of the run.
+    let _ = std::io::stdout().write_all(output::summary(report).as_bytes());
+}
