@@ -19,8 +19,9 @@ const LINK_SHARE: f64 = 0.9;
 const UNSHOT_SHARE: f64 = 0.43;
 /// Light that is still to come does not spread evenly: RMS over mean.
 const SPREAD: f64 = 1.5;
-/// The root of the sum of squared link errors, times this, is the error of the solution (calibrated on the reference scenes).
-const LINK_CALIBRATION: f64 = 1.4;
+/// The root of the sum of squared link errors, times this, is the error of the solution in dark scenes; the second number is how it grows
+/// with the gain `ρ/(1 − ρ)`, since link errors are reflected on (calibrated on the reference scenes and furnaces).
+const LINK_CALIBRATION: (f64, f64) = (1.5, 0.2);
 /// Passes after the pilot, at most.
 const MAX_PASSES: usize = 3;
 
@@ -231,7 +232,7 @@ impl<'a, const N: usize> Run<'a, N> {
             trees,
             statistics,
             norm,
-            link_error: LINK_CALIBRATION * squares.sqrt(),
+            link_error: LINK_CALIBRATION.0 * (LINK_CALIBRATION.1 * self.gain).hypot(1.0) * squares.sqrt(),
             unshot_error: SPREAD * unshot * self.gain / root_area,
         }
     }
