@@ -337,6 +337,6 @@ fn probes_of_a_coarse_run_follow_the_reference() {
             count += 1;
         }
     }
-    let rms = (deviation / truth as f64).sqrt();
+    let rms = (deviation / truth).sqrt();
     assert!(count == 3 * 307 && rms < 0.1, "RMS deviation {rms} over {count} readings");
 }

@@ -257,7 +257,7 @@ fn a_shared_edge_needs_few_elements_per_decade() {
 fn a_sphere_converges_with_its_tessellation() {
     let deviations: Vec<f64> = [0.3, 0.6].map(sphere_deviation).to_vec();
     println!("sphere: rms {deviations:?}");
-    assert!(deviations[1] < 0.6 * deviations[0] && deviations[1] < 0.1, "{deviations:?}");
+    assert!(deviations[1] < deviations[0] && deviations[1] < 0.02, "{deviations:?}");
 }
 
 fn sphere_deviation(complexity: f64) -> f64 {

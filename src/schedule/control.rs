@@ -1,7 +1,7 @@
 //! Error control: passes at decreasing link thresholds until the estimated error meets the target.
 //!
 //! The target is `E ‖B − M‖`, the relative L2 error of reflected radiosity (stricter than the contract's `‖B‖`, which a bright lamp
-//! would dominate). It is divided in squares: [`LINK_SHARE`] for links, the rest for power left unshot. A cheap pilot pass tells the norm
+//! would dominate). It is divided in squares: `LINK_SHARE` for links, the rest for power left unshot. A cheap pilot pass tells the norm
 //! and how link errors add up; the threshold of the next pass follows from their growth with it.
 
 use crate::math::Basis;
