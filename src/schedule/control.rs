@@ -20,7 +20,7 @@ const UNSHOT_SHARE: f64 = 0.43;
 /// Light that is still to come does not spread evenly: RMS over mean.
 const SPREAD: f64 = 1.5;
 /// The root of the sum of squared link errors, times this, is the error of the solution (calibrated on the reference scenes).
-const LINK_CALIBRATION: f64 = 1.0;
+const LINK_CALIBRATION: f64 = 1.4;
 /// Passes after the pilot, at most.
 const MAX_PASSES: usize = 3;
 
@@ -149,7 +149,7 @@ impl<'a, const N: usize> Run<'a, N> {
         let mut work = Work::default();
         let pilot_error = (4.0 * target).clamp(0.02, 0.3);
         let guess = self.guess_norm();
-        let mut threshold = pilot_error * guess / (32.0 * (self.surfaces.len().max(1) as f64).sqrt());
+        let mut threshold = pilot_error * guess / (32.0 * (self.surfaces.len().max(1) as f64).powf(0.25));
         observer.pass(0);
         let mut attempt = self.attempt(threshold, pilot_error * guess, observer);
         work += attempt.work();

@@ -34,11 +34,11 @@ const UNSEEN_SHADOW: f64 = 0.08;
 const POINT_SHARE: f64 = 0.6;
 
 /// Pairs that carry less than this share of the threshold are taken by one sample.
-const COARSE_SHARE: f64 = 0.1;
+const COARSE_SHARE: f64 = 0.5;
 
 /// Tolerances of the first look at an element, and of a pair that is taken by one sample.
 const FIRST_LOOK: f64 = 0.05;
-const COARSE: Tolerance = Tolerance { relative: 1.0, absolute_w_m2: f64::INFINITY };
+const COARSE: f64 = 0.25;
 
 /// Cells are not divided below this extent of the surface's parametrisation.
 const LEAST_EXTENT: f64 = 1.0 / (1 << 20) as f64;
@@ -293,7 +293,7 @@ impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
         let area = self.patch.frame.area_m2 * receiver.shape().share();
         let carried = self.weight * estimate * area.sqrt();
         if carried <= COARSE_SHARE * self.threshold && !matches!(self.rules.oracle, Oracle::Uniform(_)) {
-            return self.coarse(receiver, area);
+            return self.coarse(receiver, area, estimate);
         }
         let top = self.scratch.candidates.len();
         self.visit(receiver, Cell::UNIT, Candidates::Scene, 0);
@@ -301,14 +301,15 @@ impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
     }
 
     /// One sample stands for the whole surface.
-    fn coarse<R: Receiver<N>>(&mut self, receiver: &mut R, area_m2: f64) {
+    fn coarse<R: Receiver<N>>(&mut self, receiver: &mut R, area_m2: f64, estimate_w_m2: f64) {
         let uv = match receiver.shape() {
             Shape::Part(outline, _) => middle_of(outline),
             _ => DVec2::splat(0.5),
         };
         let point = [self.patch.frame.point(uv)];
+        let tolerance = Tolerance { relative: COARSE, absolute_w_m2: COARSE * estimate_w_m2 };
         let mut irradiance = [[0.0; N]];
-        self.gather(&point, &point, &point, Candidates::Scene, COARSE, &mut irradiance, &mut [0.0]);
+        self.gather(&point, &point, &point, Candidates::Scene, tolerance, &mut irradiance, &mut [0.0]);
         let mut coefficients = [[0.0; N]; MAX_FUNCTIONS];
         coefficients[0] = irradiance[0];
         self.deposit(receiver, &coefficients, area_m2);
@@ -421,7 +422,8 @@ impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
                 return Some(self.longer_side(cell));
             }
         }
-        let first = Tolerance { relative: FIRST_LOOK, absolute_w_m2: FIRST_LOOK * estimate };
+        let relative = (0.5 * strict / estimate).clamp(FIRST_LOOK, COARSE);
+        let first = Tolerance { relative, absolute_w_m2: relative * estimate };
         let mut tolerance = first;
         loop {
             let look = self.look(&sampling, hull, candidates, tolerance, whole);
@@ -434,7 +436,7 @@ impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
                 return Some(self.direction(cell, &look));
             }
             let sharp = tolerance.absolute_w_m2 <= strict
-                && (tolerance.relative < FIRST_LOOK || FIRST_LOOK * look.light <= strict);
+                && (tolerance.relative < relative || relative * look.light <= strict);
             if sharp {
                 self.scratch.work.interactions += 1;
                 self.scratch.work.error_squared += link_error * link_error;
@@ -442,7 +444,7 @@ impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
                 return None;
             }
             tolerance = Tolerance {
-                relative: (strict / look.light).clamp(1e-6, 0.99 * FIRST_LOOK),
+                relative: (strict / look.light).clamp(1e-6, 0.99 * relative),
                 absolute_w_m2: strict.min(first.absolute_w_m2),
             };
         }

@@ -217,6 +217,7 @@ mod tests {
                 source.iter().copied(),
                 DVec3::NEG_Z,
                 [&blocker[..]].into_iter(),
+                &mut Fragments::default(),
             )
         };
         assert_eq!((share(1.5), share(-0.5)), (Some(1.0), Some(1.0)));

@@ -26,6 +26,44 @@ struct Prepared {
     first: u32,
     count: u32,
     pieces: (u32, u32),
+    /// For triangles and parallelograms: `a·p − a0` and `b·p − b0` are the coordinates along the two edges at the first corner.
+    corner: Option<Corner>,
+}
+
+struct Corner {
+    a: DVec3,
+    a0: f64,
+    b: DVec3,
+    b0: f64,
+    /// Whether the far half belongs to the face too.
+    parallelogram: bool,
+}
+
+/// Edges of triangles and parallelograms reach this much further, relative to their length, so that neighbours leave no gap.
+const EDGE_OVERLAP: f64 = 1e-12;
+
+impl Corner {
+    fn new(vertices: &[DVec3]) -> Option<Self> {
+        let (u, v, parallelogram) = match vertices {
+            [p, q, r] => (*q - *p, *r - *p, false),
+            [p, q, r, s] if (*p + *r - *q - *s).length() <= 1e-12 * (*r - *p).length() => {
+                (*q - *p, *s - *p, true)
+            }
+            _ => return None,
+        };
+        let normal = u.cross(v);
+        let square = normal.length_squared();
+        let (a, b) = (v.cross(normal) / square, normal.cross(u) / square);
+        let usable = a.is_finite() && b.is_finite();
+        usable.then(|| Self { a, a0: a.dot(vertices[0]), b, b0: b.dot(vertices[0]), parallelogram })
+    }
+
+    #[inline]
+    fn contains(&self, p: DVec3) -> bool {
+        let (a, b) = (self.a.dot(p) - self.a0, self.b.dot(p) - self.b0);
+        let far = if self.parallelogram { a.max(b) } else { a + b };
+        a.min(b) >= -EDGE_OVERLAP && far <= 1.0 + EDGE_OVERLAP
+    }
 }
 
 fn project(v: DVec3, axis: u8) -> DVec2 {
@@ -73,6 +111,7 @@ impl OpaqueFaces {
                 first: prepared.corners.len() as u32,
                 count: face.vertices.len() as u32,
                 pieces,
+                corner: Corner::new(&face.vertices),
             });
             prepared.corners.extend(face.vertices.iter().map(|v| project(*v, axis)));
             prepared.vertices.extend_from_slice(&face.vertices);
@@ -149,7 +188,7 @@ impl OpaqueFaces {
             return None;
         }
         let t = (face.offset - face.normal.dot(from)) / slope;
-        (t.is_finite() && self.contains(face, project(from + along * t, face.axis))).then_some(t)
+        (t.is_finite() && self.contains(face, from + along * t)).then_some(t)
     }
 
     /// Whether the face blocks the open segment from `from` along `along` (t from 0 to 1, less the end margins).
@@ -162,12 +201,20 @@ impl OpaqueFaces {
         if !(t > super::END_MARGIN && t < 1.0 - super::END_MARGIN) {
             return false;
         }
-        self.contains(face, project(from + along * t, face.axis))
+        self.contains(face, from + along * t)
+    }
+
+    /// Whether a point of the face's plane lies in the polygon.
+    #[inline]
+    fn contains(&self, face: &Prepared, p: DVec3) -> bool {
+        match &face.corner {
+            Some(corner) => corner.contains(p),
+            None => self.even_odd(face, project(p, face.axis)),
+        }
     }
 
     /// Even–odd test. Each edge is evaluated from its lower end, so that two faces that share it agree to the last bit.
-    #[inline]
-    fn contains(&self, face: &Prepared, p: DVec2) -> bool {
+    fn even_odd(&self, face: &Prepared, p: DVec2) -> bool {
         let corners = &self.corners[face.first as usize..(face.first + face.count) as usize];
         let mut inside = false;
         let mut a = corners[corners.len() - 1];

@@ -34,29 +34,38 @@ impl Shaft {
         for (side, other) in [(a, b), (b, a)] {
             for i in 0..side.len() {
                 let (p, q) = (side[i], side[(i + 1) % side.len()]);
-                for r in other {
-                    let cross = (q - p).cross(*r - p);
-                    let length = cross.length();
-                    if length <= extent * extent * 1e-12 {
-                        continue;
-                    }
-                    let normal = cross / length;
-                    let d = normal.dot(p);
-                    let (mut least, mut most) = (0.0f64, 0.0f64);
-                    for x in points() {
-                        let distance = normal.dot(x) - d;
-                        least = least.min(distance);
-                        most = most.max(distance);
-                    }
-                    if most <= margin {
-                        shaft.push(normal, d - margin);
-                    } else if least >= -margin {
-                        shaft.push(-normal, -d - margin);
-                    }
+                for turn in [1.0, -1.0] {
+                    shaft.push_support(side, p, q, other, turn, extent);
                 }
             }
         }
         shaft
+    }
+
+    /// Adds the plane through the edge from `p` to `q` of `side` that touches `other` from the left (`turn` = 1) or the right (−1), where it has
+    /// all of `side` on the same side: then it is a face of the hull.
+    fn push_support(&mut self, side: &[DVec3], p: DVec3, q: DVec3, other: &[DVec3], turn: f64, extent: f64) {
+        let (edge, margin) = ((q - p) * turn, extent * 1e-9);
+        let mut normal = DVec3::ZERO;
+        let mut length = 0.0;
+        for r in other {
+            // Gift wrapping: swing the plane out to each corner that lies beyond it.
+            if length == 0.0 || normal.dot(*r - p) > margin * length {
+                let swung = edge.cross(*r - p);
+                let size = swung.length();
+                if size > extent * extent * 1e-12 {
+                    (normal, length) = (swung, size);
+                }
+            }
+        }
+        if length == 0.0 {
+            return;
+        }
+        let normal = normal / length;
+        let d = normal.dot(p);
+        if side.iter().chain(other).all(|x| normal.dot(*x) - d <= margin) {
+            self.push(normal, d - margin);
+        }
     }
 
     fn push(&mut self, normal: DVec3, d: f64) {
