@@ -181,9 +181,10 @@ fn basis(name: &str, error: f64) -> Result<Basis, Error> {
     choose("--basis", name, &bases, &[])
 }
 
-/// The basis that reaches an error soonest: the higher order pays once elements are small.
+/// The basis that reaches an error soonest: the higher order pays once elements are small. Measured on the reference scenes:
+/// M2 is ahead at 0.05 and 0.02, on a par at 0.01 with three times the elements.
 fn automatic_basis(error: f64) -> Basis {
-    if error < 0.02 { Basis::M3 } else { Basis::M2 }
+    if error < 0.01 { Basis::M3 } else { Basis::M2 }
 }
 
 impl RenderPlan {
