@@ -327,7 +327,7 @@ fn probes_of_a_coarse_run_follow_the_reference() {
     let mut rows = csv::Reader::from_path(place.at("q.csv")).unwrap();
     let header = rows.headers().unwrap().clone();
     let column = |name: String| header.iter().position(|h| *h == name).unwrap();
-    let (mut deviation, mut truth, mut count) = (0.0, 0.0, 0);
+    let (mut deviation, mut truth, mut count) = (0.0f64, 0.0f64, 0);
     for row in rows.records() {
         let row = row.unwrap();
         for band in ["r", "g", "b"] {

@@ -181,9 +181,10 @@ fn basis(name: &str, error: f64) -> Result<Basis, Error> {
     choose("--basis", name, &bases, &[])
 }
 
-/// The basis that reaches an error soonest: the higher order pays once elements are small.
+/// The basis that reaches an error soonest: the higher order pays once elements are small. On two reference scenes
+/// M2 is ahead from 0.05 down to 0.02, and at 0.01 level on one and ahead on the other; below that nothing was measured.
 fn automatic_basis(error: f64) -> Basis {
-    if error < 0.02 { Basis::M3 } else { Basis::M2 }
+    if error < 0.01 { Basis::M3 } else { Basis::M2 }
 }
 
 impl RenderPlan {

@@ -86,7 +86,8 @@ fn work(solved: &Solved) -> Work {
         interactions: done.interactions,
         kernel_evaluations: done.kernel_evaluations,
         lambert_evaluations: done.lambert_evaluations,
-        visibility_rays: done.visibility_rays,
+        // Asked, but answered without a test.
+        visibility_rays: if solved.unoccluded { 0 } else { done.visibility_rays },
         exact_visibilities: done.exact_visibilities,
         pairs_skipped: BTreeMap::from([("behind".to_owned(), done.pairs_behind)]),
         pairs_without_rays: done.pairs_unoccluded,
