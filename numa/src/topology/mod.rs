@@ -1,6 +1,6 @@
 //! A machine as a plain table: CPUs, cores, caches, packages, nodes, distances, and what this process may use.
 //!
-//! The table is filled by [`read`] from the real machine, an hwloc synthetic string, or an hwloc XML file, and is
+//! The table is filled by `read` from the real machine, an hwloc synthetic string, or an hwloc XML file, and is
 //! then only data: planning for another machine is planning for this one.
 //!
 //! Invariants: `cpus` are in hwloc's logical order (neighbours share caches); `nodes` ascend by operating-system
