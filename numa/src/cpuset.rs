@@ -23,8 +23,8 @@ pub struct CpuSet {
 
 impl CpuSet {
     /// The empty set.
-    pub fn new() -> Self {
-        Self::default()
+    pub const fn new() -> Self {
+        Self { words: Vec::new() }
     }
 
     /// From the kernel's words, least significant bit first.

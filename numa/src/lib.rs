@@ -10,15 +10,29 @@
 //! | [`pinning`] | policies that lay workers over a machine |
 //! | [`pages`] | ranges of pages on chosen nodes, and where pages are |
 //! | [`arena`] | typed bump arenas on them, with handles that own what they point to |
+//! | [`barrier`] | a two-level barrier that spins, then parks |
+//! | [`team`] | pinned workers: run on all, items on home nodes, fork-join, NUMA-ordered stealing |
+//! | [`per_thread`] | statics with one slot per worker, and values with one per worker of a team |
+//! | [`replicate`] | read-mostly data, one copy per node |
 //! | [`warnings`] | what had to be replaced by something weaker, and why |
 
 pub mod affinity;
 pub mod arena;
+pub mod barrier;
 pub mod cpuset;
 pub mod error;
 pub mod pages;
+pub mod per_thread;
 pub mod pinning;
+mod queue;
+pub mod replicate;
+mod sync;
+pub mod team;
 pub mod topology;
 pub mod warnings;
 
+pub use arena::{Arena, ArenaBox};
 pub use error::Error;
+pub use pinning::{Plan, Policy};
+pub use team::{Home, Team, Worker, WorkerPanic};
+pub use topology::Machine;

@@ -84,6 +84,7 @@ pub struct Reset {
 #[derive(Debug)]
 pub struct Arena {
     backend: Backend,
+    huge: bool,
     cursor: Cell<usize>,
     end: Cell<usize>,
     issued: Cell<usize>,
@@ -117,6 +118,7 @@ impl Arena {
     pub fn new(backend: Backend) -> Self {
         Self {
             backend,
+            huge: true,
             cursor: Cell::new(0),
             end: Cell::new(0),
             issued: Cell::new(0),
@@ -135,6 +137,13 @@ impl Arena {
     /// An arena on pages of one node (operating-system number).
     pub fn on_node(node: usize) -> Self {
         Self::new(Backend::Pages(Placement::Bind(node)))
+    }
+
+    /// As [`Arena::on_node`] on small pages, for so little that a huge page would be wasted.
+    pub(crate) fn small_on_node(node: usize) -> Self {
+        let mut arena = Self::on_node(node);
+        arena.huge = false;
+        arena
     }
 
     /// Moves a value into the arena. Aborts, as `Box` does, when the machine has no memory left.
@@ -303,15 +312,21 @@ impl Arena {
         first.map(Chunk::new).ok_or(Error::Map { bytes: CHUNK, reason: "a short mapping".to_owned() })
     }
 
-    /// Maps pages as asked; on a full node nearby, which the statistics tell.
+    /// Maps pages as asked; where the node is full or not here, nearby, which the statistics tell.
     fn map_pages(&self, bytes: usize, placement: &Placement) -> Result<Pages, Error> {
-        let mapped = Pages::map(bytes, placement).or_else(|error| match (error, placement) {
-            (error @ Error::NodeFull { .. }, Placement::Bind(node)) => {
-                crate::warnings::note(format!("{error}; the arena goes on nearby"));
-                self.stats.borrow_mut().placed_elsewhere += 1;
-                Pages::map(bytes, &Placement::Preferred(*node))
+        let map = if self.huge { Pages::map } else { Pages::map_small };
+        let elsewhere = |error: Error, nearby: Placement| {
+            crate::warnings::note(format!("{error}; the arena goes on nearby"));
+            self.stats.borrow_mut().placed_elsewhere += 1;
+            map(bytes, &nearby)
+        };
+        let mapped = map(bytes, placement).or_else(|error| match (&error, placement) {
+            (Error::NodeFull { node, .. }, _) => {
+                let node = *node;
+                elsewhere(error, Placement::Preferred(node))
             }
-            (error, _) => Err(error),
+            (Error::Node { .. }, _) => elsewhere(error, Placement::FirstTouch),
+            _ => Err(error),
         })?;
         self.stats.borrow_mut().mapped_bytes += mapped.bytes();
         Ok(mapped)

@@ -88,6 +88,16 @@ unsafe impl Sync for Pages {}
 impl Pages {
     /// Maps at least `bytes` bytes (rounded up to [`HUGE`]) placed as asked. Nothing is touched yet.
     pub fn map(bytes: usize, placement: &Placement) -> Result<Self, Error> {
+        let mut pages = Self::map_small(bytes, placement)?;
+        pages.huge = sys::advise_huge(pages.base, pages.bytes);
+        if !pages.huge {
+            crate::warnings::note("huge pages are not available: small pages are used".to_owned());
+        }
+        Ok(pages)
+    }
+
+    /// As [`Pages::map`] without asking for huge pages: what is not touched costs nothing.
+    pub fn map_small(bytes: usize, placement: &Placement) -> Result<Self, Error> {
         let too_big = || Error::Map { bytes, reason: "more than the address space".to_owned() };
         let bytes = bytes.max(1).checked_next_multiple_of(HUGE).ok_or_else(too_big)?;
         if let Placement::Bind(node) = *placement {
@@ -98,10 +108,6 @@ impl Pages {
         // Before the first touch: a policy does not move pages that are there already.
         if let Err(refusal) = sys::place(base, bytes, placement) {
             pages.applied = refusal.into_applied(placement)?;
-        }
-        pages.huge = sys::advise_huge(base, bytes);
-        if !pages.huge {
-            crate::warnings::note("huge pages are not available: small pages are used".to_owned());
         }
         Ok(pages)
     }
