@@ -12,13 +12,16 @@
 //! | [`arena`] | typed bump arenas on them, with handles that own what they point to |
 //! | [`barrier`] | a two-level barrier that spins, then parks |
 //! | [`team`] | pinned workers: run on all, items on home nodes, fork-join, NUMA-ordered stealing |
-//! | [`per_thread`] | statics with one slot per worker, and values with one per worker of a team |
+//! | [`mod@per_thread`] | statics with one slot per worker, and values with one per worker of a team |
 //! | [`replicate`] | read-mostly data, one copy per node |
+//! | [`counters`] | hardware counters per worker and region, with groups of events as data |
+//! | [`report`] | the machine, the plan, and a live check, as text and JSON |
 //! | [`warnings`] | what had to be replaced by something weaker, and why |
 
 pub mod affinity;
 pub mod arena;
 pub mod barrier;
+pub mod counters;
 pub mod cpuset;
 pub mod error;
 pub mod pages;
@@ -26,6 +29,7 @@ pub mod per_thread;
 pub mod pinning;
 mod queue;
 pub mod replicate;
+pub mod report;
 mod sync;
 pub mod team;
 pub mod topology;

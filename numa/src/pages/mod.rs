@@ -217,16 +217,40 @@ fn check_room(node: usize, bytes: usize) -> Result<(), Error> {
     }
 }
 
-/// Bytes of a node that are free or hold clean file pages; `None` where the kernel does not tell.
+/// Bytes of a node that are free or hold clean file pages; `None` where the kernel does not tell, or tells nonsense.
 pub fn room_bytes(node: usize) -> Option<u64> {
-    let text = std::fs::read_to_string(format!("/sys/devices/system/node/node{node}/meminfo")).ok()?;
-    let kib = |name: &str| {
-        let line = text.lines().find(|line| line.contains(name))?;
-        line.split_whitespace().rev().nth(1)?.parse::<u64>().ok()
-    };
-    Some(
-        (kib(" MemFree:")? + kib(" Active(file):").unwrap_or(0) + kib(" Inactive(file):").unwrap_or(0)) << 10,
-    )
+    if !nodes_add_up() {
+        return None;
+    }
+    let text = node_meminfo(node)?;
+    let files = ["Active(file):", "Inactive(file):"].map(|name| field_bytes(&text, name).unwrap_or(0));
+    Some(field_bytes(&text, "MemFree:")? + files[0] + files[1])
+}
+
+fn node_meminfo(node: usize) -> Option<String> {
+    std::fs::read_to_string(format!("/sys/devices/system/node/node{node}/meminfo")).ok()
+}
+
+/// A field of a meminfo text, which counts in KiB.
+fn field_bytes(text: &str, name: &str) -> Option<u64> {
+    let line = text.lines().find(|line| line.split_whitespace().any(|word| word == name))?;
+    line.split_whitespace().rev().nth(1)?.parse::<u64>().ok().map(|kib| kib << 10)
+}
+
+/// Whether the nodes' memory adds up to the machine's. On virtual machines with memory plugged in later it may not,
+/// and then a node's figures mean nothing. Read once.
+fn nodes_add_up() -> bool {
+    static ADD_UP: std::sync::OnceLock<bool> = std::sync::OnceLock::new();
+    *ADD_UP.get_or_init(|| {
+        let nodes: CpuSet = std::fs::read_to_string("/sys/devices/system/node/online")
+            .ok()
+            .and_then(|list| list.parse().ok())
+            .unwrap_or_default();
+        let total = |text: String| field_bytes(&text, "MemTotal:");
+        let sum: u64 = nodes.iter().filter_map(node_meminfo).filter_map(total).sum();
+        let machine = std::fs::read_to_string("/proc/meminfo").ok().and_then(total).unwrap_or(0);
+        sum.abs_diff(machine) <= machine / 16
+    })
 }
 
 /// Which nodes the pages that hold these items are on.
