@@ -184,6 +184,11 @@ impl Team {
         &self.seats
     }
 
+    /// The other workers in the order in which `worker` looks for work: nearest first, equals by index.
+    pub fn steal_order(&self, worker: usize) -> &[usize] {
+        &self.shared.wake_order[worker].workers
+    }
+
     /// Numbers of the workers among all workers of the process.
     pub(crate) fn ids(&self) -> &[usize] {
         &self.ids.0
