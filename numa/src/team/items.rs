@@ -27,8 +27,8 @@ pub struct Home {
 struct Spread<'a, T, F> {
     items: *mut T,
     /// Positions of the items, grouped by home node.
-    order: Vec<usize>,
-    /// Weight of all items before this one in `order`; one longer than `order`.
+    order: Order,
+    /// Weight of all items before this one in `order`; one longer than there are items.
     before: Vec<u64>,
     each: &'a F,
     /// Set after a panic: the remaining items are skipped.
@@ -62,15 +62,7 @@ where
     H: Fn(&T) -> Home,
     F: Fn(&Worker, &mut T) + Sync,
 {
-    let homes: Vec<Home> = items.iter().map(home).collect();
-    let (order, starts) = order_by_node(shared, &homes);
-    let mut before = Vec::with_capacity(order.len() + 1);
-    before.push(0u64);
-    let mut total = 0u64;
-    before.extend(order.iter().map(|&item| {
-        total = total.saturating_add(homes[item].weight.max(1));
-        total
-    }));
+    let (order, starts, before) = order_by_node(shared, items, &home);
     let ranges = cut(shared, &starts, &before);
     let spread = Spread {
         items: items.as_mut_ptr(),
@@ -100,10 +92,44 @@ where
     }
 }
 
-/// Positions grouped by the staffed node they go to, and where each node's group starts; one start more than nodes.
-fn order_by_node(shared: &Shared, homes: &[Home]) -> (Vec<usize>, Vec<usize>) {
+/// A permutation of the items' positions.
+enum Order {
+    AsGiven,
+    Permuted(Vec<usize>),
+}
+
+impl Order {
+    fn position(&self, rank: usize) -> usize {
+        match self {
+            Self::AsGiven => rank,
+            Self::Permuted(order) => order[rank],
+        }
+    }
+}
+
+/// Positions grouped by the staffed node they go to, where each node's group starts (one start more than nodes), and
+/// the weight before each rank.
+fn order_by_node<T>(
+    shared: &Shared,
+    items: &[T],
+    home: &dyn Fn(&T) -> Home,
+) -> (Order, Vec<usize>, Vec<u64>) {
     let node_of = |home: &Home| shared.staffed.get(home.node).copied().unwrap_or(shared.staffed[0]);
+    let mut before = Vec::with_capacity(items.len() + 1);
+    before.push(0u64);
+    let mut total = 0u64;
+    let mut add = |home: &Home| {
+        total = total.saturating_add(home.weight.max(1));
+        total
+    };
     let mut starts = vec![0; shared.staffed.len() + 1];
+    let only = shared.plan.slots[0].node;
+    if shared.staffed.iter().all(|&node| node == only) {
+        starts[only + 1..].fill(items.len());
+        before.extend(items.iter().map(|item| add(&home(item))));
+        return (Order::AsGiven, starts, before);
+    }
+    let homes: Vec<Home> = items.iter().map(home).collect();
     homes.iter().for_each(|home| starts[node_of(home) + 1] += 1);
     (1..starts.len()).for_each(|node| starts[node] += starts[node - 1]);
     let mut next = starts.clone();
@@ -113,7 +139,8 @@ fn order_by_node(shared: &Shared, homes: &[Home]) -> (Vec<usize>, Vec<usize>) {
         order[*place] = item;
         *place += 1;
     }
-    (order, starts)
+    before.extend(order.iter().map(|&item| add(&homes[item])));
+    (Order::Permuted(order), starts, before)
 }
 
 /// Cuts each node's group into one range of about equal weight per worker of the node; empty ranges are left out.
@@ -172,7 +199,7 @@ impl<T: Send, F: Fn(&Worker, &mut T) + Sync> Spread<'_, T, F> {
                 );
                 return;
             }
-            self.item(worker, self.order[from]);
+            self.item(worker, self.order.position(from));
             from += 1;
         }
     }

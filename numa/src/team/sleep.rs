@@ -92,6 +92,11 @@ impl Sleep {
         }
     }
 
+    /// Whether somebody sleeps, as far as this thread has heard.
+    pub fn anyone_asleep(&self) -> bool {
+        self.sleeping.load(Relaxed) > 0
+    }
+
     /// Wakes every sleeper in `order`, after something was made visible.
     pub fn wake_all(&self, order: impl IntoIterator<Item = usize>) {
         fence(SeqCst);

@@ -49,7 +49,9 @@ impl std::fmt::Debug for AtEnd {
 }
 
 /// Looks around this often before sleeping, where the worker has a CPU of its own: tens of microseconds.
-const ROUNDS: u32 = 100;
+const ROUNDS: u32 = 60;
+/// Of these, the first so many with pauses between; then the CPU is offered to others, such as the thread outside.
+const BUSY_ROUNDS: u32 = 10;
 /// Pauses between two looks.
 const PAUSES: u32 = 16;
 
@@ -140,8 +142,19 @@ impl Worker {
     }
 
     /// Offers a task to others and wakes the nearest one that sleeps.
+    ///
+    /// The fence of the sleep protocol is left out where this worker's deques held something before and nobody is
+    /// seen asleep. A worker that falls asleep in that very moment may miss this task; it does not stall, because its
+    /// owner is awake and takes back what nobody took, and the next push wakes the sleeper.
     pub(super) fn push(&self, task: Task, reach: Reach) {
+        let was_empty = self.queue.is_empty();
         self.queue.push(task, reach);
+        if was_empty || self.shared.sleep.anyone_asleep() {
+            self.wake_nearest(reach);
+        }
+    }
+
+    fn wake_nearest(&self, reach: Reach) {
         let order = &self.shared.wake_order[self.index];
         let near = match reach {
             Reach::Node => order.near,
@@ -175,7 +188,10 @@ impl Worker {
             }
             rounds += 1;
             if rounds <= self.shared.rounds {
-                (0..PAUSES).for_each(|_| crate::sync::spin_loop());
+                match rounds {
+                    ..=BUSY_ROUNDS => (0..PAUSES).for_each(|_| crate::sync::spin_loop()),
+                    _ => std::thread::yield_now(),
+                }
                 continue;
             }
             rounds = 0;

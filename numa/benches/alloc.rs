@@ -1,0 +1,202 @@
+//! Allocating tree nodes and walking them at random: the arena against malloc, mimalloc and bumpalo, on 1 and 2
+//! threads, interleaved in one run; medians.
+//!
+//! `cargo bench -p ccnuma --bench alloc`, with `CCNUMA_BENCH_NODES` for another size than 2 million nodes of 192 bytes
+//! (every variant keeps its memory: four times that must fit) and `CCNUMA_BENCH_ROUNDS` for another number than 5.
+//!
+//! Memory is recycled: every variant runs once unmeasured, and each later round reuses what the round before gave
+//! back, because the first touch of new memory can be 30 times slower on a virtual machine that returns idle memory.
+
+use std::alloc::{GlobalAlloc, Layout};
+use std::hint::black_box;
+use std::ptr::NonNull;
+use std::time::Instant;
+
+use ccnuma::arena::Backend;
+use ccnuma::pages::Placement;
+use ccnuma::{Arena, ArenaBox};
+
+const STEPS: usize = 1_000_000;
+
+/// What a solver's element is like: 192 bytes, of which a walk reads one line.
+struct Node {
+    next: *const Node,
+    payload: [u64; 23],
+}
+
+fn node(index: usize) -> Node {
+    Node { next: std::ptr::null(), payload: [index as u64; 23] }
+}
+
+/// A way to allocate nodes: keeps what it needs to recycle memory between rounds.
+trait Source {
+    /// Calls `use_nodes` with the time it took to allocate `count` nodes, and the nodes.
+    fn round(&mut self, count: usize, use_nodes: &mut dyn FnMut(f64, &[NonNull<Node>]));
+}
+
+struct OfArena(Arena);
+
+impl Source for OfArena {
+    fn round(&mut self, count: usize, use_nodes: &mut dyn FnMut(f64, &[NonNull<Node>])) {
+        self.0.reset();
+        let mut boxes: Vec<ArenaBox<Node>> = Vec::with_capacity(count);
+        let started = Instant::now();
+        boxes.extend((0..count).map(|index| self.0.alloc(node(index))));
+        let seconds = started.elapsed().as_secs_f64();
+        let nodes: Vec<_> = boxes.iter_mut().map(|node| NonNull::from_mut(&mut **node)).collect();
+        use_nodes(seconds, &nodes);
+    }
+}
+
+struct OfGlobal<A>(A);
+
+impl<A: GlobalAlloc> Source for OfGlobal<A> {
+    fn round(&mut self, count: usize, use_nodes: &mut dyn FnMut(f64, &[NonNull<Node>])) {
+        let layout = Layout::new::<Node>();
+        let mut nodes: Vec<NonNull<Node>> = Vec::with_capacity(count);
+        let started = Instant::now();
+        nodes.extend((0..count).map(|index| {
+            // SAFETY: the layout has a size; the block is written before use.
+            unsafe {
+                let place = NonNull::new(self.0.alloc(layout).cast::<Node>()).expect("memory");
+                place.write(node(index));
+                place
+            }
+        }));
+        use_nodes(started.elapsed().as_secs_f64(), &nodes);
+        for node in nodes {
+            // SAFETY: allocated above with this layout, used no more.
+            unsafe { self.0.dealloc(node.as_ptr().cast(), layout) };
+        }
+    }
+}
+
+struct OfBump(bumpalo::Bump);
+
+impl Source for OfBump {
+    fn round(&mut self, count: usize, use_nodes: &mut dyn FnMut(f64, &[NonNull<Node>])) {
+        self.0.reset();
+        let mut nodes: Vec<NonNull<Node>> = Vec::with_capacity(count);
+        let started = Instant::now();
+        nodes.extend((0..count).map(|index| NonNull::from_mut(self.0.alloc_with(|| node(index)))));
+        use_nodes(started.elapsed().as_secs_f64(), &nodes);
+    }
+}
+
+/// Links all nodes into one random cycle (Sattolo's shuffle).
+fn link(nodes: &[NonNull<Node>], order: &mut Vec<u32>) {
+    order.clear();
+    order.extend(0..nodes.len() as u32);
+    let mut state = 0x9e37_79b9_7f4a_7c15u64;
+    for last in (1..order.len()).rev() {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        order.swap(last, (state % last as u64) as usize);
+    }
+    for (from, &to) in order.iter().enumerate() {
+        // SAFETY: the nodes are alive and only reached through these pointers meanwhile.
+        unsafe { (*nodes[from].as_ptr()).next = nodes[to as usize].as_ptr() };
+    }
+}
+
+/// Seconds for a walk along the cycle.
+fn walk(nodes: &[NonNull<Node>]) -> f64 {
+    let started = Instant::now();
+    let mut node: *const Node = nodes[0].as_ptr();
+    let mut sum = 0u64;
+    for _ in 0..STEPS {
+        // SAFETY: `link` made a cycle of nodes that are alive.
+        unsafe {
+            sum = sum.wrapping_add((*node).payload[0]);
+            node = (*node).next;
+        }
+    }
+    black_box(sum);
+    started.elapsed().as_secs_f64()
+}
+
+/// Nanoseconds per node and per step, by round.
+type Samples = Vec<(f64, f64)>;
+
+fn one_thread(source: &mut dyn Source, count: usize, samples: &mut Samples) {
+    let mut order = Vec::new();
+    source.round(count, &mut |seconds, nodes| {
+        link(nodes, &mut order);
+        let walked = (0..3).map(|_| walk(nodes)).fold(f64::INFINITY, f64::min);
+        samples.push((1e9 * seconds / count as f64, 1e9 * walked / STEPS as f64));
+    });
+}
+
+fn sources() -> Vec<(&'static str, Box<dyn Source + Send>)> {
+    vec![
+        ("ccnuma arena", Box::new(OfArena(Arena::new(Backend::Pages(Placement::FirstTouch))))),
+        ("malloc (glibc)", Box::new(OfGlobal(std::alloc::System))),
+        ("mimalloc", Box::new(OfGlobal(mimalloc::MiMalloc))),
+        ("bumpalo", Box::new(OfBump(bumpalo::Bump::new()))),
+    ]
+}
+
+fn median(samples: impl Iterator<Item = f64>) -> f64 {
+    let mut samples: Vec<f64> = samples.collect();
+    samples.sort_by(f64::total_cmp);
+    samples[samples.len() / 2]
+}
+
+fn main() {
+    // Keeps freed memory in the process, so that malloc's rounds recycle as the others' do.
+    #[cfg(target_os = "linux")]
+    // SAFETY: sets two numbers before other threads exist.
+    unsafe {
+        libc::mallopt(libc::M_TRIM_THRESHOLD, i32::MAX);
+        libc::mallopt(libc::M_MMAP_MAX, 0);
+    }
+    let setting =
+        |name, default| std::env::var(name).ok().and_then(|text| text.parse().ok()).unwrap_or(default);
+    let (count, rounds): (usize, usize) =
+        (setting("CCNUMA_BENCH_NODES", 2_000_000), setting("CCNUMA_BENCH_ROUNDS", 5));
+    println!("{count} nodes of {} bytes, {rounds} interleaved rounds, medians", size_of::<Node>());
+    for threads in [1, 2] {
+        let mut all: Vec<Vec<_>> = (0..threads).map(|_| sources()).collect();
+        let mut samples: Vec<Samples> = vec![Samples::new(); all[0].len()];
+        for round in 0..=rounds {
+            for (variant, samples) in samples.iter_mut().enumerate() {
+                let run = |source: &mut Box<dyn Source + Send>| {
+                    let mut mine = Samples::new();
+                    one_thread(&mut **source, count / threads, &mut mine);
+                    mine
+                };
+                let measured: Vec<Samples> = std::thread::scope(|scope| {
+                    let spawn = |sources: &'_ mut Vec<(_, Box<dyn Source + Send>)>| {
+                        let source: *mut Box<dyn Source + Send> = &raw mut sources[variant].1;
+                        // SAFETY: each thread gets another list's source, and the scope ends before the next use.
+                        let source = unsafe { &mut *source };
+                        scope.spawn(move || run(source))
+                    };
+                    let started: Vec<_> = all.iter_mut().map(spawn).collect();
+                    started.into_iter().map(|thread| thread.join().expect("measures")).collect()
+                });
+                if round > 0 {
+                    samples.extend(measured.into_iter().flatten());
+                }
+            }
+        }
+        report(threads, &all[0].iter().map(|(name, _)| *name).collect::<Vec<_>>(), &samples);
+    }
+}
+
+fn report(threads: usize, names: &[&str], samples: &[Samples]) {
+    let medians: Vec<(f64, f64)> = samples
+        .iter()
+        .map(|samples| (median(samples.iter().map(|s| s.0)), median(samples.iter().map(|s| s.1))))
+        .collect();
+    println!("{threads} thread(s):");
+    for (name, &(allocate, step)) in names.iter().zip(&medians) {
+        println!(
+            "  {name:<16} allocate {allocate:>7.1} ns/node (ours / theirs {:.2})   walk {step:>6.1} ns/step (theirs / \
+             ours {:.2})",
+            medians[0].0 / allocate,
+            step / medians[0].1,
+        );
+    }
+}
