@@ -40,3 +40,8 @@ pub use error::Error;
 pub use pinning::{Plan, Policy};
 pub use team::{Home, Team, Worker, WorkerPanic};
 pub use topology::Machine;
+
+/// The README's example is compiled as a test.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

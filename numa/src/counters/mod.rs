@@ -9,6 +9,7 @@ pub mod formula;
 pub mod group;
 #[cfg_attr(not(target_os = "linux"), path = "perf_none.rs")]
 mod perf;
+mod text;
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
