@@ -146,10 +146,11 @@ fn median(samples: impl Iterator<Item = f64>) -> f64 {
 fn main() {
     // Keeps freed memory in the process, so that malloc's rounds recycle as the others' do.
     #[cfg(target_os = "linux")]
-    // SAFETY: sets two numbers before other threads exist.
+    // SAFETY: sets three numbers before other threads exist.
     unsafe {
-        libc::mallopt(libc::M_TRIM_THRESHOLD, i32::MAX);
+        libc::mallopt(libc::M_TRIM_THRESHOLD, -1);
         libc::mallopt(libc::M_MMAP_MAX, 0);
+        libc::mallopt(libc::M_ARENA_MAX, 3);
     }
     let setting =
         |name, default| std::env::var(name).ok().and_then(|text| text.parse().ok()).unwrap_or(default);
@@ -166,16 +167,17 @@ fn main() {
                     one_thread(&mut **source, count / threads, &mut mine);
                     mine
                 };
-                let measured: Vec<Samples> = std::thread::scope(|scope| {
-                    let spawn = |sources: &'_ mut Vec<(_, Box<dyn Source + Send>)>| {
-                        let source: *mut Box<dyn Source + Send> = &raw mut sources[variant].1;
-                        // SAFETY: each thread gets another list's source, and the scope ends before the next use.
-                        let source = unsafe { &mut *source };
-                        scope.spawn(move || run(source))
-                    };
-                    let started: Vec<_> = all.iter_mut().map(spawn).collect();
-                    started.into_iter().map(|thread| thread.join().expect("measures")).collect()
-                });
+                // One thread is this one: glibc gives others arenas that return memory to the system when freed.
+                let measured: Vec<Samples> = match &mut all[..] {
+                    [only] => vec![run(&mut only[variant].1)],
+                    several => std::thread::scope(|scope| {
+                        let started: Vec<_> = several
+                            .iter_mut()
+                            .map(|sources| scope.spawn(|| run(&mut sources[variant].1)))
+                            .collect();
+                        started.into_iter().map(|thread| thread.join().expect("measures")).collect()
+                    }),
+                };
                 if round > 0 {
                     samples.extend(measured.into_iter().flatten());
                 }

@@ -1,14 +1,10 @@
 //! A chunk: a header that counts handles, then values; freed by whoever brings the count to 0.
 
 use std::ptr::NonNull;
-use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
-use std::sync::atomic::{AtomicUsize, fence};
 
 use super::CHUNK;
+use super::shares::Shares;
 use crate::pages::Pages;
-
-/// What an open chunk's count starts from: more than all the handles it can ever issue.
-const BIAS: usize = 1 << 40;
 
 /// Bytes before the first value: a cache line, so that counting does not disturb it.
 pub const HEADER: usize = 64;
@@ -16,7 +12,7 @@ pub const HEADER: usize = 64;
 #[repr(C)]
 #[derive(Debug)]
 struct Header {
-    live: AtomicUsize,
+    shares: Shares,
     bytes: usize,
 }
 
@@ -30,7 +26,7 @@ impl Chunk {
         let (base, bytes) = pages.into_parts();
         let header = base.cast::<Header>();
         // SAFETY: the pages are owned, writable, at least `CHUNK` long, and aligned far beyond `Header`'s need.
-        unsafe { header.write(Header { live: AtomicUsize::new(1), bytes }) };
+        unsafe { header.write(Header { shares: Shares::new(), bytes }) };
         Self(header)
     }
 
@@ -68,21 +64,19 @@ impl Chunk {
         unsafe { self.base().add(address - self.base().addr().get()) }
     }
 
-    /// Starts a life as the open chunk. Only the arena calls it, on a chunk without handles.
+    /// See [`Shares::open`].
     pub fn open(&self) {
-        // Relaxed: no handle exists; the first one reaches other threads through whatever sends it.
-        self.header().live.store(BIAS, Relaxed);
+        self.header().shares.open();
     }
 
-    /// Turns the biased count of an open chunk into handles alive plus the arena's share.
+    /// See [`Shares::seal`].
     pub fn seal(&self, issued: usize) {
-        self.header().live.fetch_sub(BIAS - 1 - issued, Relaxed);
+        self.header().shares.seal(issued);
     }
 
     /// Whether any handle to a sealed chunk is alive.
     pub fn has_handles(&self) -> bool {
-        // Acquire: pairs with `Release` in `drop_share`, so that reuse comes after the last value's drop.
-        self.header().live.load(Acquire) != 1
+        self.header().shares.has_handles()
     }
 
     /// Ends the arena's interest in a sealed chunk.
@@ -97,8 +91,8 @@ impl Chunk {
     /// The caller must own a share and not use the chunk afterwards.
     pub unsafe fn drop_share(self) {
         let bytes = self.bytes();
-        if self.header().live.fetch_sub(1, Release) == 1 {
-            fence(Acquire);
+        // SAFETY: the caller's share keeps the header alive until it is given back.
+        if unsafe { Shares::drop_one(&raw const (*self.0.as_ptr()).shares) } {
             // SAFETY: nobody holds a share any more, so nobody can reach the chunk; `bytes` is its whole mapping.
             drop(unsafe { Pages::from_parts(self.base(), bytes) });
         }

@@ -22,6 +22,7 @@
 
 mod chunk;
 mod handle;
+mod shares;
 
 use std::alloc::Layout;
 use std::cell::{Cell, RefCell};
@@ -362,5 +363,5 @@ impl FreeList for Vec<Chunk> {
     }
 }
 
-#[cfg(test)]
+#[cfg(all(test, not(loom)))]
 mod tests;
