@@ -257,6 +257,33 @@ mod tests {
         assert_eq!(DROPPED.load(Relaxed) - before, 3);
     }
 
+    struct Failing;
+
+    impl Drop for Failing {
+        fn drop(&mut self) {
+            assert!(Worker::with_current(|_| ()).is_err(), "a worker that ends is nobody's");
+            panic!("a slot's drop fails on purpose");
+        }
+    }
+
+    crate::per_thread! {
+        static FAILING: Failing = Failing;
+        static AFTER: Counter = Counter::new();
+    }
+
+    #[test]
+    fn a_drop_that_fails_leaves_no_slot_behind() {
+        for _ in 0..2 {
+            let mut team = team(2);
+            team.run(|worker| {
+                FAILING.local(worker);
+                AFTER.local(worker).add(1);
+            })
+            .unwrap();
+            assert_eq!(AFTER.fold(&mut team, 0, |sum, _, count| sum + count.get()), 2, "slots start afresh");
+        }
+    }
+
     #[test]
     fn slots_larger_than_a_chunk() {
         let mut team = team(2);

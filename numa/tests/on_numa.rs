@@ -8,19 +8,20 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
-use ccnuma::arena::CHUNK;
+use ccnuma::arena::{CHUNK, Memory, NodeArenas};
 use ccnuma::cpuset::CpuSet;
 use ccnuma::pages::{HUGE, PageCount, Pages, Placement, count_of, room_bytes};
-use ccnuma::per_thread::Counter;
+use ccnuma::per_thread::{Counter, PerWorker};
 use ccnuma::replicate::ReplicatedSlice;
 use ccnuma::report::Topology;
 use ccnuma::{Arena, Error, Home, Machine, Plan, Policy, Team, per_thread};
 
 fn main() {
-    let tests: [(&str, fn()); 12] = [
+    let tests: [(&str, fn()); 13] = [
         ("the machine is as expected", the_machine_is_as_expected),
         ("pins hold under every policy", pins_hold_under_every_policy),
         ("an arena on every node is there", an_arena_on_every_node_is_there),
+        ("what a thief makes lands on its item's home node", thieves_allocate_at_home),
         ("bound pages ignore who touches them", bound_pages_ignore_who_touches_them),
         ("interleaved pages go round", interleaved_pages_go_round),
         ("first touch decides", first_touch_decides),
@@ -106,6 +107,23 @@ fn an_arena_on_every_node_is_there() {
         assert_eq!(arena.stats().placed_elsewhere, 0);
         assert!(arena.stats().mapped_bytes >= 40_000 * 192);
     }
+}
+
+fn thieves_allocate_at_home() {
+    let mut team = team(Policy::Compact);
+    let machine = machine();
+    let mut arenas = PerWorker::new(&mut team, |_| NodeArenas::new(&machine, Memory::Node)).expect("made");
+    team.run(|worker| {
+        for (node, table) in machine.nodes.iter().enumerate() {
+            let arena = arenas.local(worker).on_node(node);
+            let values: Vec<_> = (0..1000u64).map(|value| arena.alloc([value; 24])).collect();
+            assert_all_on(&arena.count_pages().expect("counted"), table.os);
+            drop(values);
+        }
+    })
+    .expect("no worker fails");
+    let values = (1000 * machine.nodes.len() * team.len()) as u64;
+    assert_eq!(arenas.iter_mut().map(|arenas| arenas.stats().allocations).sum::<u64>(), values);
 }
 
 fn bound_pages_ignore_who_touches_them() {

@@ -20,6 +20,7 @@
 //! compare. The handle tells the two apart without a tag: with `A = max(align, 8)`, arena addresses are multiples of
 //! `2 A`, heap addresses are odd multiples of `A`.
 
+mod by_node;
 mod chunk;
 mod handle;
 mod shares;
@@ -30,6 +31,7 @@ use std::ptr::NonNull;
 
 use serde::Serialize;
 
+pub use by_node::{Memory, NodeArenas, UnknownMemory};
 pub use handle::ArenaBox;
 
 use crate::error::Error;

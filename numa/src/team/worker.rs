@@ -4,6 +4,7 @@
 //! It is neither `Send` nor `Sync` (its deques are not), so the proof cannot leave the thread.
 
 use std::cell::{Cell, RefCell};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::Ordering::Acquire;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
 use std::time::Instant;
@@ -99,8 +100,8 @@ impl Worker {
         unsafe { worker.as_ref() }.map(f).ok_or(NotAWorker)
     }
 
-    /// Waits until every worker of the team is here. Every worker must call it equally often in one
-    /// [`super::Team::run`]; when one panics instead, the others' calls unwind too.
+    /// Waits until every worker of the team is here. Only for the function given to [`super::Team::run`] itself, never
+    /// for a task, and every worker must call it equally often; when one panics instead, the others' calls unwind too.
     pub fn barrier(&self) {
         let old = self.switch(State::Barrier);
         let outcome = self.shared.barrier.wait(self.shared.groups[self.index]);
@@ -110,7 +111,8 @@ impl Worker {
         }
     }
 
-    /// Locks, counting the wait as lock time; a lock that is free costs no clock reading.
+    /// Locks, counting the wait as lock time; a lock that is free costs no clock reading. A mutex whose holder
+    /// panicked is locked all the same: the panic reaches the caller anyway.
     pub fn lock<'m, T>(&self, mutex: &'m Mutex<T>) -> MutexGuard<'m, T> {
         match mutex.try_lock() {
             Ok(guard) => guard,
@@ -262,8 +264,12 @@ impl Worker {
                 unsafe { job.run(self) };
             }
         }
-        self.at_end.take().into_iter().for_each(|AtEnd(call)| call());
+        // First, so that nothing dropped below can reach the worker and make slots again.
         CURRENT.set(std::ptr::null());
+        for AtEnd(call) in self.at_end.take() {
+            // Each slot must be cleared, whatever another's drop does.
+            let _ = catch_unwind(AssertUnwindSafe(call));
+        }
     }
 }
 
