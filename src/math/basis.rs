@@ -65,11 +65,8 @@ pub fn legendre(x: f64) -> [f64; 4] {
 }
 
 /// The two-scale matrices P⁰ of M3; the ones of Haar and M2 are their upper left corners. `P¹_ij = (−1)^(i+j) P⁰_ij`.
-const P0: [[f64; 3]; 3] = [
-    [1.0, 0.0, 0.0],
-    [-0.866_025_403_784_438_6, 0.5, 0.0],
-    [0.0, -0.968_245_836_551_854_3, 0.25],
-];
+const P0: [[f64; 3]; 3] =
+    [[1.0, 0.0, 0.0], [-0.866_025_403_784_438_6, 0.5, 0.0], [0.0, -0.968_245_836_551_854_3, 0.25]];
 
 /// `P^s_ij`, or the identity where the child spans its parent.
 fn two_scale(side: Option<usize>, i: usize, j: usize) -> f64 {

@@ -29,9 +29,7 @@ impl Split {
         match self {
             Split::U => &[(Some(0), None), (Some(1), None)],
             Split::V => &[(None, Some(0)), (None, Some(1))],
-            Split::Both => {
-                &[(Some(0), Some(0)), (Some(1), Some(0)), (Some(0), Some(1)), (Some(1), Some(1))]
-            }
+            Split::Both => &[(Some(0), Some(0)), (Some(1), Some(0)), (Some(0), Some(1)), (Some(1), Some(1))],
         }
     }
 

@@ -116,10 +116,7 @@ mod tests {
         let mut total = 0.0;
         for i in 0..8 {
             for j in 0..8 {
-                let cell = Cell {
-                    low: DVec2::new(i as f64, j as f64) / 8.0,
-                    size: DVec2::splat(0.125),
-                };
+                let cell = Cell { low: DVec2::new(i as f64, j as f64) / 8.0, size: DVec2::splat(0.125) };
                 total += area(&clip_to_cell(&polygon, &cell));
             }
         }

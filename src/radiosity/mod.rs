@@ -1,5 +1,12 @@
 //! Elements, push-pull, the state of a solution and its convergence. No threads.
 
+pub mod ambient;
+pub mod element;
+pub mod probe;
 pub mod solution;
+pub mod state;
 
+pub use ambient::add_ambient;
+pub use element::Element;
 pub use solution::{Field, Leaf, Node, Solution};
+pub use state::{Tree, extent_m, trees};

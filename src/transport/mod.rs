@@ -1,1 +1,22 @@
-//! Under construction.
+//! Transport of light: the kernel, Lambert's closed form, emission packets, and one emitter–receiver pair.
+//!
+//! Receivers are sampled: the irradiance from one emitter is evaluated at points of a receiver element ([`gather`]), projected
+//! onto its basis, and judged at further points ([`pair`]). Emitters are integrated hierarchically from each sample point. Nothing here
+//! knows a thread; a pair task borrows the packet and owns the receiver.
+
+pub mod gather;
+pub mod kernel;
+pub mod lambert;
+pub mod lamp;
+pub mod packet;
+pub mod pair;
+pub mod samples;
+pub mod unblocked;
+pub mod work;
+
+pub use gather::{Gather, Points};
+pub use lamp::Lamp;
+pub use packet::{Packet, PacketNode, Shape};
+pub use pair::{Deposited, Oracle, Patch, Receiver, Rules, Scratch, Source, shoot};
+pub use samples::SampleRule;
+pub use work::Work;

@@ -1,1 +1,59 @@
-//! Under construction.
+//! Visibility: is the segment between two points blocked, and which faces could block any segment of a bundle?
+//!
+//! Faces block from both sides. Hits within a relative `1e-6` of either end of a segment do not count, so that touching,
+//! coplanar and duplicate faces neither shadow themselves nor each other.
+
+mod brute;
+mod bvh;
+mod opaque;
+mod shaft;
+
+use glam::DVec3;
+
+pub use brute::Brute;
+pub use bvh::Bvh;
+pub use opaque::OpaqueFaces;
+pub use shaft::Shaft;
+
+/// The share of a segment next to each end in which hits do not count.
+pub const END_MARGIN: f64 = 1e-6;
+
+/// The structure that answers visibility questions about a scene's faces.
+pub trait Occluder: Sync {
+    /// The faces themselves.
+    fn faces(&self) -> &OpaqueFaces;
+
+    /// Whether a face other than the two in `skip` blocks the open segment; returns the blocking face.
+    fn blocker(&self, from: DVec3, to: DVec3, skip: [u32; 2]) -> Option<u32>;
+
+    /// Appends the faces that may block a segment inside `shaft`; gives up and returns `false` beyond `limit` faces, `out` then
+    /// being as it was.
+    fn candidates(&self, shaft: &Shaft, skip: [u32; 2], limit: usize, out: &mut Vec<u32>) -> bool;
+
+    /// The first face hit by the ray and the distance in units of `direction`'s length.
+    fn first_hit(&self, origin: DVec3, direction: DVec3) -> Option<(u32, f64)>;
+}
+
+/// No occluder at all, for scenes and studies where nothing can stand in between; rays still find faces.
+pub struct Unoccluded<T>(
+    /// The structure that answers [`Occluder::first_hit`].
+    pub T,
+);
+
+impl<T: Occluder> Occluder for Unoccluded<T> {
+    fn faces(&self) -> &OpaqueFaces {
+        self.0.faces()
+    }
+
+    fn blocker(&self, _from: DVec3, _to: DVec3, _skip: [u32; 2]) -> Option<u32> {
+        None
+    }
+
+    fn candidates(&self, _shaft: &Shaft, _skip: [u32; 2], _limit: usize, _out: &mut Vec<u32>) -> bool {
+        true
+    }
+
+    fn first_hit(&self, origin: DVec3, direction: DVec3) -> Option<(u32, f64)> {
+        self.0.first_hit(origin, direction)
+    }
+}

@@ -1,0 +1,77 @@
+//! What a ray sees of a solution.
+
+use std::collections::HashMap;
+
+use glam::{DVec2, DVec3};
+
+use crate::output::colour::{ToRgb, luminance};
+use crate::radiosity::Solution;
+
+/// Finds the nearest surface along a ray (origin, unit direction): its index in [`Solution::surfaces`] and
+/// the point's parameters. Of a face with two surfaces either may be given; a face met from a side without
+/// a surface gives the other side's, for it hides what is behind.
+pub type Caster<'a> = dyn Fn(DVec3, DVec3) -> Option<(u32, DVec2)> + Sync + 'a;
+
+/// A point seen from its lit side.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Hit {
+    pub surface: u32,
+    pub uv: DVec2,
+}
+
+/// A solution with what is needed to look at it.
+pub(super) struct Shade<'a> {
+    pub solution: &'a Solution,
+    pub to_rgb: ToRgb,
+    cast: &'a Caster<'a>,
+    /// For each surface the one on the other side of its face.
+    other_side: Vec<Option<u32>>,
+}
+
+impl<'a> Shade<'a> {
+    pub fn new(solution: &'a Solution, cast: &'a Caster<'a>) -> Shade<'a> {
+        let surfaces = &solution.surfaces;
+        let of: HashMap<(u32, bool), u32> =
+            surfaces.iter().enumerate().map(|(i, s)| ((s.face, s.back), i as u32)).collect();
+        let other_side = surfaces.iter().map(|s| of.get(&(s.face, !s.back)).copied()).collect();
+        Shade { solution, to_rgb: ToRgb::new(&solution.scene.bands), cast, other_side }
+    }
+
+    /// The surface seen along a ray; `None` if there is none, or only the black back of one.
+    pub fn hit(&self, origin: DVec3, direction: DVec3) -> Option<Hit> {
+        let (index, uv) = (self.cast)(origin, direction)?;
+        let surface = &self.solution.surfaces[index as usize];
+        if surface.frame.normal.dot(direction) < 0.0 {
+            return Some(Hit { surface: index, uv });
+        }
+        let other = self.other_side[index as usize]?;
+        let uv = self.solution.surfaces[other as usize].frame.uv(surface.frame.point(uv));
+        Some(Hit { surface: other, uv })
+    }
+
+    /// Radiance in W/(m² sr) per band, written to `out`; overshoots of the polynomials below zero are cut
+    /// off.
+    pub fn radiance(&self, hit: Hit, out: &mut [f64]) {
+        self.solution.radiosity(hit.surface as usize, hit.uv, out);
+        for value in out {
+            *value = value.max(0.0) / std::f64::consts::PI;
+        }
+    }
+
+    /// Irradiance in W/m², the mean of the bands.
+    pub fn mean_irradiance(&self, hit: Hit, scratch: &mut [f64]) -> f64 {
+        self.solution.fields[hit.surface as usize].irradiance(hit.uv, scratch);
+        scratch.iter().sum::<f64>().max(0.0) / scratch.len().max(1) as f64
+    }
+
+    /// Luminance of the radiance in W/(m² sr).
+    pub fn luminance(&self, hit: Hit, scratch: &mut [f64]) -> f64 {
+        self.radiance(hit, scratch);
+        luminance(self.to_rgb.rgb(scratch))
+    }
+
+    /// One value per band, zeroed.
+    pub fn scratch(&self) -> Vec<f64> {
+        vec![0.0; self.solution.scene.bands.len()]
+    }
+}

@@ -1,0 +1,143 @@
+//! The report for people: a dozen aligned lines.
+
+use super::report::{Known, Report, Times, Work, Worker};
+use super::units::{bytes, count, percent, seconds};
+
+/// What a person wants to know after a run, ending in a line feed.
+pub fn summary(report: &Report) -> String {
+    let (scene, memory, result) = (&report.scene, &report.memory, &report.result);
+    let (surfaces, lights) = (count(scene.surfaces), count(scene.lights));
+    let bands = scene.bands.join(" ");
+    let each = known(&memory.bytes_per_element, |b| format!("{b:.0} bytes each"));
+    let mut lines = vec![
+        ("scene", format!("{}: {surfaces} surfaces, {lights} lights, bands {bands}", scene.name)),
+        ("time", time(&report.time_s)),
+        ("error", error(report)),
+        ("unshot", percent(result.unshot_fraction)),
+        ("energy", known(&result.energy_balance, |b| format!("balance {}", percent(*b)))),
+        ("elements", format!("{}, {each}", count(result.elements))),
+        ("work", work(&report.work)),
+        ("skipped", skipped(&report.work)),
+        ("memory", known(&memory.peak_bytes, |b| format!("{} at most", bytes(*b)))),
+        ("workers", workers(&report.workers)),
+        ("counters", counters(report)),
+    ];
+    if result.incomplete {
+        lines.push(("note", "the run was cut short; the solution is incomplete".to_owned()));
+    }
+    lines.iter().map(|(name, text)| format!("{name:<10}{text}\n")).collect()
+}
+
+fn time(time: &Times) -> String {
+    let phases = [
+        ("load", time.load),
+        ("build", time.build),
+        ("direct", time.direct),
+        ("interreflection", time.interreflection),
+        ("output", time.output),
+    ];
+    let phases: Vec<String> = phases.iter().map(|(name, s)| format!("{name} {}", seconds(*s))).collect();
+    format!("{} ({})", seconds(time.total), phases.join(", "))
+}
+
+fn work(work: &Work) -> String {
+    let (interactions, kernel) = (count(work.interactions), count(work.kernel_evaluations));
+    let (rays, shots, batches) = (count(work.visibility_rays), count(work.shots), count(work.batches));
+    format!(
+        "{interactions} interactions, {kernel} kernel evaluations, {rays} visibility rays, \
+         {shots} shots in {batches} batches"
+    )
+}
+
+fn skipped(work: &Work) -> String {
+    if work.pairs_skipped.is_empty() {
+        return "no pairs".to_owned();
+    }
+    let total = count(work.pairs_skipped.values().sum());
+    let reasons: Vec<String> =
+        work.pairs_skipped.iter().map(|(reason, n)| format!("{} {reason}", count(*n))).collect();
+    format!("{total} pairs: {}", reasons.join(", "))
+}
+
+fn known<T>(value: &Known<T>, show: impl Fn(&T) -> String) -> String {
+    value.as_result().map_or_else(|reason| format!("unavailable: {reason}"), show)
+}
+
+fn error(report: &Report) -> String {
+    let estimate = known(&report.result.error_estimate, |e| format!("{} estimated", percent(*e)));
+    match report.options.get("error").and_then(|e| e.as_f64()) {
+        Some(target) => format!("{estimate}, {} asked for", percent(target)),
+        None => estimate,
+    }
+}
+
+/// How many, and what share of their time went where.
+fn workers(workers: &[Worker]) -> String {
+    let sum = |of: fn(&Worker) -> f64| workers.iter().map(of).sum::<f64>();
+    let parts = [
+        ("busy", sum(|w| w.busy_s)),
+        ("idle", sum(|w| w.idle_s)),
+        ("stealing", sum(|w| w.steal_s)),
+        ("locked", sum(|w| w.lock_s)),
+    ];
+    let total: f64 = parts.iter().map(|(_, s)| s).sum();
+    if total <= 0.0 {
+        return format!("{}, no time recorded", workers.len());
+    }
+    let shares: Vec<String> = parts
+        .iter()
+        .filter(|(_, s)| *s > 0.0)
+        .map(|(name, s)| format!("{} {name}", percent(s / total)))
+        .collect();
+    format!("{}: {}", workers.len(), shares.join(", "))
+}
+
+fn counters(report: &Report) -> String {
+    known(&report.counters, |counters| {
+        let metrics: Vec<String> = counters
+            .metrics
+            .iter()
+            .map(|(name, value)| format!("{} {}", name.replace('_', " "), known(value, |v| percent(*v))))
+            .collect();
+        format!("{:?}: {}", counters.source, metrics.join(", ")).to_lowercase()
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use super::*;
+    use crate::output::report::{CounterSource, Counters, tests::example};
+
+    #[test]
+    fn a_run_reads_like_this() {
+        assert_eq!(
+            summary(&example()),
+            "\
+scene     gallery: 10 surfaces, 1 lights, bands r g b
+time      2.33 s (load 10.0 ms, build 20.0 ms, direct 500 ms, interreflection 1.70 s, output 100 ms)
+error     0.810 % estimated, 1.00 % asked for
+unshot    0.120 %
+energy    unavailable: the scene is open
+elements  48.2 k, 312 bytes each
+work      1.23 M interactions, 48.1 M kernel evaluations, 5.02 M visibility rays, 96 shots in 7 batches
+skipped   332 pairs: 320 behind, 12 black
+memory    132 MiB at most
+workers   2: 95.0 % busy, 4.00 % idle, 1.00 % stealing
+counters  unavailable: this machine gives access to no hardware counters
+"
+        );
+    }
+
+    #[test]
+    fn simulated_figures_say_so() {
+        let mut report = example();
+        let metrics = BTreeMap::from([("l1_hit_rate".to_owned(), Known::Value(0.987))]);
+        let events = BTreeMap::new();
+        report.counters = Known::Value(Counters { source: CounterSource::Simulated, metrics, events });
+        report.result.incomplete = true;
+        let text = summary(&report);
+        assert!(text.contains("simulated: l1 hit rate 98.7 %") && text.contains("incomplete"), "{text}");
+    }
+}

@@ -1,0 +1,183 @@
+//! Elements: the quadtree of one surface, each element owning the ones below it, and push-pull on it.
+//!
+//! Irradiance stays at the level where it was deposited; the solution at a point is the sum over the elements that hold it. Pushing down to
+//! leaves happens when a packet or the final field is made.
+
+use crate::math::basis::MAX_FUNCTIONS;
+use crate::math::{Basis, Split};
+use crate::transport::{PacketNode, Receiver, Shape};
+
+/// An element with its subtree; an owned handle that may move between threads.
+#[derive(Clone, Debug)]
+pub struct Element<const N: usize> {
+    shape: Shape,
+    irradiance: Box<[[f64; N]]>,
+    unshot: Box<[[f64; N]]>,
+    children: Option<(Split, Box<[Element<N>]>)>,
+}
+
+impl<const N: usize> Element<N> {
+    /// An element without light; outside the polygon it holds no coefficients.
+    pub fn new(basis: Basis, shape: Shape) -> Self {
+        let count = if shape == Shape::Outside { 0 } else { basis.len() };
+        let zeros = || vec![[0.0; N]; count].into_boxed_slice();
+        Self { shape, irradiance: zeros(), unshot: zeros(), children: None }
+    }
+
+    /// Leaves inside the polygon.
+    pub fn leaves(&self) -> u64 {
+        match &self.children {
+            Some((_, children)) => children.iter().map(Self::leaves).sum(),
+            None => (self.shape != Shape::Outside) as u64,
+        }
+    }
+
+    /// The division and the children.
+    pub fn children(&self) -> Option<(Split, &[Element<N>])> {
+        self.children.as_ref().map(|(split, children)| (*split, &**children))
+    }
+
+    /// How the cell lies to the polygon.
+    pub fn shape(&self) -> &Shape {
+        &self.shape
+    }
+
+    /// Adds this element's irradiance to what comes from above.
+    pub fn add_irradiance(&self, sum: &mut [[f64; N]; MAX_FUNCTIONS]) {
+        add(sum, &self.irradiance);
+    }
+
+    /// Mean of the unshot irradiance over the polygon's share of the cell; zero outside.
+    pub fn mean_unshot(&self) -> [f64; N] {
+        let mut mean = self.unshot.first().copied().unwrap_or([0.0; N]);
+        if let Some((_, children)) = &self.children {
+            let total: f64 = children.iter().map(|child| child.shape.share()).sum();
+            for child in children.iter().filter(|child| child.shape != Shape::Outside) {
+                let below = child.mean_unshot();
+                for n in 0..N {
+                    mean[n] += below[n] * child.shape.share() / total;
+                }
+            }
+        }
+        mean
+    }
+
+    /// Adds constant irradiance that is not to be shot.
+    pub fn add_ambient(&mut self, irradiance_w_m2: [f64; N]) {
+        if let Some(mean) = self.irradiance.first_mut() {
+            for n in 0..N {
+                mean[n] += irradiance_w_m2[n];
+            }
+        }
+    }
+
+    /// Takes the unshot irradiance of the subtree as radiosity (times `reflectance`) into packet node `slot`, leaving none behind.
+    /// Levels whose detail is at most `prune_w_m2` are left out.
+    pub fn take_unshot(
+        &mut self,
+        basis: Basis,
+        inherited: &[[f64; N]; MAX_FUNCTIONS],
+        reflectance: &[f64; N],
+        prune_w_m2: f64,
+        nodes: &mut Vec<PacketNode<N>>,
+        slot: usize,
+    ) {
+        let mut own = *inherited;
+        for (sum, unshot) in own.iter_mut().zip(&mut self.unshot) {
+            for n in 0..N {
+                sum[n] += reflectance[n] * unshot[n];
+            }
+            *unshot = [0.0; N];
+        }
+        let Some((split, children)) = &mut self.children else {
+            nodes[slot] = PacketNode { coefficients: own, detail_w_m2: 0.0, children: None };
+            return;
+        };
+        let first = nodes.len();
+        let blank = PacketNode { coefficients: [[0.0; N]; MAX_FUNCTIONS], detail_w_m2: 0.0, children: None };
+        nodes.resize(first + children.len(), blank);
+        for (index, child) in children.iter_mut().enumerate() {
+            let mut pushed = [[0.0; N]; MAX_FUNCTIONS];
+            basis.push(*split, index, &own, &mut pushed);
+            if child.shape == Shape::Outside {
+                nodes[first + index].coefficients = pushed;
+            } else {
+                child.take_unshot(basis, &pushed, reflectance, prune_w_m2, nodes, first + index);
+            }
+        }
+        pull(basis, *split, nodes, slot, first, |index| children[index].shape == Shape::Outside);
+        if nodes[slot].detail_w_m2 <= prune_w_m2 {
+            nodes.truncate(first);
+            nodes[slot].children = None;
+            nodes[slot].detail_w_m2 = 0.0;
+        }
+    }
+}
+
+/// Pulls the children at `first` up to packet node `slot`, with the bound on the detail they hold; `outside` children hold none.
+pub(super) fn pull<const N: usize>(
+    basis: Basis,
+    split: Split,
+    nodes: &mut [PacketNode<N>],
+    slot: usize,
+    first: usize,
+    outside: impl Fn(usize) -> bool,
+) {
+    let mut pulled = [[0.0; N]; MAX_FUNCTIONS];
+    let count = split.children().len();
+    for index in 0..count {
+        basis.pull_add(split, index, &nodes[first + index].coefficients, &mut pulled);
+    }
+    let mut detail = 0.0f64;
+    for index in (0..count).filter(|index| !outside(*index)) {
+        let mut coarse = [[0.0; N]; MAX_FUNCTIONS];
+        basis.push(split, index, &pulled, &mut coarse);
+        let node = &nodes[first + index];
+        detail = detail.max(distance(&coarse, &node.coefficients) + node.detail_w_m2);
+    }
+    nodes[slot] =
+        PacketNode { coefficients: pulled, detail_w_m2: detail, children: Some((split, first as u32)) };
+}
+
+impl<const N: usize> Receiver<N> for Element<N> {
+    fn shape(&self) -> &Shape {
+        &self.shape
+    }
+
+    fn split(&self) -> Option<Split> {
+        self.children.as_ref().map(|(split, _)| *split)
+    }
+
+    fn subdivide(&mut self, split: Split, shapes: Vec<Shape>) {
+        let basis = match self.irradiance.len() {
+            9 => Basis::M3,
+            4 => Basis::M2,
+            _ => Basis::Haar,
+        };
+        self.children = Some((split, shapes.into_iter().map(|shape| Element::new(basis, shape)).collect()));
+    }
+
+    fn child_mut(&mut self, index: usize) -> &mut Self {
+        let (_, children) = self.children.as_mut().expect("only a divided element is asked for its children");
+        &mut children[index]
+    }
+
+    fn deposit(&mut self, irradiance: &[[f64; N]; MAX_FUNCTIONS]) {
+        add(&mut self.irradiance, irradiance);
+        add(&mut self.unshot, irradiance);
+    }
+}
+
+fn add<const N: usize>(sum: &mut [[f64; N]], more: &[[f64; N]]) {
+    for (s, m) in sum.iter_mut().zip(more) {
+        for n in 0..N {
+            s[n] += m[n];
+        }
+    }
+}
+
+/// Norm of the difference of two functions over a cell, times √3 (the maximum of a linear function over its RMS).
+fn distance<const N: usize>(a: &[[f64; N]; MAX_FUNCTIONS], b: &[[f64; N]; MAX_FUNCTIONS]) -> f64 {
+    let sum: f64 = a.iter().flatten().zip(b.iter().flatten()).map(|(x, y)| (x - y) * (x - y)).sum();
+    (3.0 * sum).sqrt()
+}

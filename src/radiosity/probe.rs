@@ -1,0 +1,194 @@
+//! Probes: what the solution says at points, on surfaces and in free space.
+//!
+//! A probe within [`ON_SURFACE`] of the scene's size of a surface whose front faces the probe's normal reads the solution there. Any other
+//! is a sensor: its irradiance is gathered from the radiosity of all surfaces and from the lamps, with visibility.
+
+use glam::{DVec2, DVec3};
+
+use super::solution::{Field, Node, Solution};
+use super::state::extent_m;
+use crate::math::basis::MAX_FUNCTIONS;
+use crate::math::{Basis, polygon};
+use crate::transport::gather::{Candidates, Points, Tolerance};
+use crate::transport::lamp::Lamp;
+use crate::transport::{Packet, PacketNode, Scratch, Source};
+use crate::visibility::Occluder;
+
+/// How near to a surface a probe counts as on it, as a share of the scene's diameter.
+pub const ON_SURFACE: f64 = 1e-4;
+
+/// Error of a sensor's irradiance that gathering may add, as a share of the brightest contribution's estimate.
+const SENSOR_ERROR: f64 = 1e-3;
+
+/// Where to read.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Probe {
+    /// Where, in metres.
+    pub position: DVec3,
+    /// Unit normal of the sensor.
+    pub normal: DVec3,
+}
+
+/// What was read, one value per band.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Reading {
+    /// Irradiance in W/m².
+    pub irradiance_w_m2: Vec<f64>,
+    /// Radiosity in W/m²; `None` in free space.
+    pub radiosity_w_m2: Option<Vec<f64>>,
+}
+
+/// Reads `probes` off `solution`; `occluder` holds the scene's faces. Same order.
+pub fn read_probes(solution: &Solution, occluder: &dyn Occluder, probes: &[Probe]) -> Vec<Reading> {
+    match solution.scene.bands.len() {
+        1 => Reader::<1>::new(solution, occluder).read_all(probes),
+        2 => Reader::<2>::new(solution, occluder).read_all(probes),
+        _ => Reader::<3>::new(solution, occluder).read_all(probes),
+    }
+}
+
+struct Reader<'a, const N: usize> {
+    solution: &'a Solution,
+    occluder: &'a dyn Occluder,
+    reach_m: f64,
+    /// Radiosity of all surfaces, made when the first sensor asks.
+    packets: Option<Vec<Packet<N>>>,
+    lamps: Vec<Lamp<N>>,
+}
+
+impl<'a, const N: usize> Reader<'a, N> {
+    fn new(solution: &'a Solution, occluder: &'a dyn Occluder) -> Self {
+        let extent = extent_m(&solution.scene);
+        let lamps = solution.scene.lights.iter().map(|light| Lamp::new(light, extent)).collect();
+        Self { solution, occluder, reach_m: ON_SURFACE * extent, packets: None, lamps }
+    }
+
+    fn read_all(mut self, probes: &[Probe]) -> Vec<Reading> {
+        probes.iter().map(|probe| self.read(probe)).collect()
+    }
+
+    fn read(&mut self, probe: &Probe) -> Reading {
+        if let Some((index, uv)) = self.surface_at(probe) {
+            let mut irradiance = vec![0.0; N];
+            let mut radiosity = vec![0.0; N];
+            self.solution.fields[index].irradiance(uv, &mut irradiance);
+            self.solution.radiosity(index, uv, &mut radiosity);
+            return Reading { irradiance_w_m2: irradiance, radiosity_w_m2: Some(radiosity) };
+        }
+        Reading { irradiance_w_m2: self.sense(probe).to_vec(), radiosity_w_m2: None }
+    }
+
+    /// The nearest surface within reach that faces the probe's way, and the parameters there.
+    fn surface_at(&self, probe: &Probe) -> Option<(usize, DVec2)> {
+        let mut best: Option<(f64, usize, DVec2)> = None;
+        for (index, surface) in self.solution.surfaces.iter().enumerate() {
+            let height = surface.frame.normal.dot(probe.position - surface.frame.origin);
+            if surface.frame.normal.dot(probe.normal) < 0.99 || height.abs() > self.reach_m {
+                continue;
+            }
+            let mut uv = surface.frame.uv(probe.position);
+            let mut distance = height.abs();
+            if !polygon::contains(&surface.outline, uv) {
+                let metres = |d: DVec2| (d.x * surface.frame.u + d.y * surface.frame.v).length_squared();
+                let near = polygon::nearest_on_boundary(&surface.outline, uv, metres);
+                distance = distance.hypot(metres(near - uv).sqrt());
+                uv = near;
+            }
+            if distance <= self.reach_m && best.is_none_or(|(least, ..)| distance < least) {
+                best = Some((distance, index, uv));
+            }
+        }
+        best.map(|(_, index, uv)| (index, uv))
+    }
+
+    fn sense(&mut self, probe: &Probe) -> [f64; N] {
+        let solution = self.solution;
+        let packets = self.packets.get_or_insert_with(|| {
+            (0..solution.surfaces.len()).map(|index| radiosity_packet(solution, index)).collect()
+        });
+        let point = [probe.position];
+        let points =
+            Points { position: &point, eye: &point, normal: probe.normal, face: u32::MAX, hull: &point };
+        let mut irradiance = [[0.0; N]];
+        let mut scratch = Scratch::default();
+        let mut add = |source: &dyn Source<N>, tolerance: Tolerance| {
+            if source.reaches(probe.normal, &point) {
+                let all = Candidates::Scene;
+                source.gather(
+                    &points,
+                    self.occluder,
+                    all,
+                    tolerance,
+                    &mut irradiance,
+                    &mut [0.0],
+                    &mut scratch,
+                );
+            }
+        };
+        let estimate = |packet: &Packet<N>| packet.estimate_w_m2(probe.position, 0.0, probe.normal);
+        let brightest = packets.iter().map(estimate).fold(0.0, f64::max);
+        let tolerance = Tolerance { relative: SENSOR_ERROR, absolute_w_m2: SENSOR_ERROR * brightest };
+        for packet in packets.iter().filter(|packet| estimate(packet) > 0.0) {
+            add(packet, tolerance);
+        }
+        for lamp in &self.lamps {
+            add(lamp, tolerance);
+        }
+        irradiance[0]
+    }
+}
+
+/// The radiosity `M + ρE` of one surface as a packet.
+fn radiosity_packet<const N: usize>(solution: &Solution, index: usize) -> Packet<N> {
+    let (surface, field) = (&solution.surfaces[index], &solution.fields[index]);
+    let blank = PacketNode { coefficients: [[0.0; N]; MAX_FUNCTIONS], detail_w_m2: 0.0, children: None };
+    let mut nodes = vec![blank];
+    let builder = Builder { solution, index, field };
+    builder.fill(0, &mut nodes, 0);
+    Packet {
+        surface: index as u32,
+        face: surface.face,
+        frame: surface.frame,
+        outline: (!surface.full).then(|| surface.outline.clone().into_boxed_slice()),
+        basis: field.basis,
+        nodes,
+    }
+}
+
+struct Builder<'a> {
+    solution: &'a Solution,
+    index: usize,
+    field: &'a Field,
+}
+
+impl Builder<'_> {
+    fn fill<const N: usize>(&self, at: usize, nodes: &mut Vec<PacketNode<N>>, slot: usize) {
+        let basis: Basis = self.field.basis;
+        let surface = &self.solution.surfaces[self.index];
+        match self.field.nodes[at] {
+            Node::Outside => {}
+            Node::Leaf(start) => {
+                let start = start as usize;
+                for a in 0..basis.len() {
+                    for n in 0..N {
+                        let e = self.field.coefficients[start + a * N + n];
+                        let emitted = if a == 0 { surface.exitance_w_m2[n] } else { 0.0 };
+                        nodes[slot].coefficients[a][n] = emitted + surface.reflectance[n] * e;
+                    }
+                }
+            }
+            Node::Inner(split, first_child) => {
+                let first = nodes.len();
+                let count = split.children().len();
+                let blank = nodes[slot].clone();
+                nodes.resize(first + count, blank);
+                for i in 0..count {
+                    self.fill(first_child as usize + i, nodes, first + i);
+                }
+                super::element::pull(basis, split, nodes, slot, first, |i| {
+                    matches!(self.field.nodes[first_child as usize + i], Node::Outside)
+                });
+            }
+        }
+    }
+}

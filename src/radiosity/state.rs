@@ -1,0 +1,163 @@
+//! The state of a run: one tree per surface, what each has still to shoot, and norms of the solution so far.
+
+use crate::math::Basis;
+use crate::math::basis::MAX_FUNCTIONS;
+use crate::scene::{Scene, Surface};
+use crate::transport::{Packet, PacketNode, Patch, Shape};
+
+use super::element::Element;
+use super::solution::{Field, Node};
+
+/// A surface with its tree of elements.
+#[derive(Clone, Debug)]
+pub struct Tree<const N: usize> {
+    /// What pair tasks need to know of the surface.
+    pub patch: Patch<N>,
+    /// The tree.
+    pub root: Element<N>,
+    /// Basis of the tree.
+    pub basis: Basis,
+    /// Area of the polygon.
+    pub area_m2: f64,
+    /// Exitance.
+    pub exitance_w_m2: [f64; N],
+    /// Bound on the unshot power in W: reflected and not yet sent on.
+    pub unshot_w: f64,
+    /// Power received from other surfaces by interreflection so far, per band, in W.
+    pub indirect_w: [f64; N],
+    outline: Option<Box<[glam::DVec2]>>,
+}
+
+impl<const N: usize> Tree<N> {
+    /// The tree of a surface, dark.
+    pub fn new(index: u32, surface: &Surface, basis: Basis) -> Self {
+        let shape = Shape::of_surface(surface);
+        Self {
+            patch: Patch::new(index, surface),
+            root: Element::new(basis, shape),
+            basis,
+            area_m2: surface.area_m2,
+            exitance_w_m2: std::array::from_fn(|n| surface.exitance_w_m2[n]),
+            unshot_w: 0.0,
+            indirect_w: [0.0; N],
+            outline: (!surface.full).then(|| surface.outline.clone().into_boxed_slice()),
+        }
+    }
+
+    /// The packet of the surface's own exitance.
+    pub fn exitance_packet(&self) -> Packet<N> {
+        let mut coefficients = [[0.0; N]; MAX_FUNCTIONS];
+        coefficients[0] = self.exitance_w_m2;
+        let nodes = vec![PacketNode { coefficients, detail_w_m2: 0.0, children: None }];
+        self.packet(Basis::Haar, nodes)
+    }
+
+    /// Takes what is unshot into a packet; nothing remains. Detail below `prune_w_m2` is averaged.
+    pub fn take_packet(&mut self, prune_w_m2: f64) -> Packet<N> {
+        let blank = PacketNode { coefficients: [[0.0; N]; MAX_FUNCTIONS], detail_w_m2: 0.0, children: None };
+        let mut nodes = vec![blank];
+        let none = [[0.0; N]; MAX_FUNCTIONS];
+        self.root.take_unshot(self.basis, &none, &self.patch.reflectance, prune_w_m2, &mut nodes, 0);
+        self.unshot_w = 0.0;
+        self.packet(self.basis, nodes)
+    }
+
+    /// Power left to reflect per band in W, without the bound's allowance for what varies.
+    pub fn unshot_by_band_w(&self) -> [f64; N] {
+        let mean = self.root.mean_unshot();
+        std::array::from_fn(|n| mean[n] * self.patch.reflectance[n] * self.area_m2)
+    }
+
+    fn packet(&self, basis: Basis, nodes: Vec<PacketNode<N>>) -> Packet<N> {
+        Packet {
+            surface: self.patch.surface,
+            face: self.patch.face,
+            frame: self.patch.frame,
+            outline: self.outline.clone(),
+            basis,
+            nodes,
+        }
+    }
+
+    /// `∫ Σ_bands (ρE)² dA` over the surface, in W²/m²; cut leaves by their share.
+    pub fn reflected_norm_squared(&self) -> f64 {
+        let none = [[0.0; N]; MAX_FUNCTIONS];
+        self.norm_squared(&self.root, &none, self.patch.frame.area_m2)
+    }
+
+    fn norm_squared(&self, element: &Element<N>, above: &[[f64; N]; MAX_FUNCTIONS], area_m2: f64) -> f64 {
+        let mut sum = *above;
+        element.add_irradiance(&mut sum);
+        match element.children() {
+            None => {
+                let rho = &self.patch.reflectance;
+                let square: f64 =
+                    sum.iter().flat_map(|c| (0..N).map(|n| (rho[n] * c[n]) * (rho[n] * c[n]))).sum();
+                square * area_m2 * element.shape().share()
+            }
+            Some((split, children)) => (0..children.len())
+                .map(|i| {
+                    let mut pushed = [[0.0; N]; MAX_FUNCTIONS];
+                    self.basis.push(split, i, &sum, &mut pushed);
+                    self.norm_squared(&children[i], &pushed, area_m2 / children.len() as f64)
+                })
+                .sum(),
+        }
+    }
+
+    /// The irradiance pushed down to the leaves.
+    pub fn field(&self) -> Field {
+        let mut field =
+            Field { basis: self.basis, bands: N, nodes: vec![Node::Outside], coefficients: Vec::new() };
+        self.flatten(&self.root, &[[0.0; N]; MAX_FUNCTIONS], &mut field, 0);
+        field
+    }
+
+    fn flatten(
+        &self,
+        element: &Element<N>,
+        above: &[[f64; N]; MAX_FUNCTIONS],
+        field: &mut Field,
+        slot: usize,
+    ) {
+        if *element.shape() == Shape::Outside {
+            return;
+        }
+        let mut sum = *above;
+        element.add_irradiance(&mut sum);
+        match element.children() {
+            None => {
+                field.nodes[slot] = Node::Leaf(field.coefficients.len() as u32);
+                field.coefficients.extend(sum[..self.basis.len()].iter().flatten());
+            }
+            Some((split, children)) => {
+                let first = field.nodes.len();
+                field.nodes[slot] = Node::Inner(split, first as u32);
+                field.nodes.resize(first + children.len(), Node::Outside);
+                for (i, child) in children.iter().enumerate() {
+                    let mut pushed = [[0.0; N]; MAX_FUNCTIONS];
+                    self.basis.push(split, i, &sum, &mut pushed);
+                    self.flatten(child, &pushed, field, first + i);
+                }
+            }
+        }
+    }
+}
+
+/// All trees of a scene, dark.
+pub fn trees<const N: usize>(surfaces: &[Surface], basis: Basis) -> Vec<Tree<N>> {
+    surfaces.iter().enumerate().map(|(i, s)| Tree::new(i as u32, s, basis)).collect()
+}
+
+/// Diameter of the scene, lights included, in metres.
+pub fn extent_m(scene: &Scene) -> f64 {
+    let Some((mut low, mut high)) = scene.bounds_m() else { return 0.0 };
+    for light in &scene.lights {
+        if let crate::scene::Light::Point { position, .. } | crate::scene::Light::Spot { position, .. } =
+            light
+        {
+            (low, high) = (low.min(*position), high.max(*position));
+        }
+    }
+    (high - low).length()
+}

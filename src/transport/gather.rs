@@ -1,0 +1,633 @@
+//! Irradiance at a bundle of points from one emission packet, integrated hierarchically over the emitter.
+//!
+//! From the root of the packet down, each cell is either taken as a whole or divided, until what the bundle may lose by it is within tolerance:
+//! * its **detail** (what finer levels hold) must not matter at its distance;
+//! * its **kernel** must be smooth enough for n × n Gauss nodes, n ≤ 3; nearer than that Lambert's closed form takes over, with
+//!   singularity subtraction `∫ Kφ = φ(y*) F + ∫ K (φ − φ(y*))` where the radiosity varies (numerics §4);
+//! * its **visibility** must be certain (no candidate in the shaft), unanimous, or of no consequence. A bundle that sees a cell in part
+//!   divides it for the points concerned.
+
+use glam::{DVec2, DVec3};
+
+use super::kernel::kernel;
+use super::lambert::form_factor;
+use super::packet::{EmitterCell, Packet, cell_corners};
+use super::pair::Scratch;
+use super::samples::MAX_SAMPLES;
+use super::unblocked::visible_share;
+use crate::math::basis::{Basis, MAX_FUNCTIONS, legendre};
+use crate::math::polygon;
+use crate::math::quadrature::gauss;
+use crate::visibility::{Occluder, OpaqueFaces, Shaft};
+
+/// Relative error of n × n Gauss quadrature over a cell of size s seen from distance d: `ERROR[n] (s/d)^(2n)`; fitted to the table
+/// of numerics §2, doubled for oblique pairs.
+const QUADRATURE_ERROR: [f64; 4] = [1.0, 1.0, 0.15, 0.03];
+
+/// Error of the singularity-subtracted rule per unit of radiosity variation and form factor (measured: numerics §4).
+const SUBTRACTION_ERROR: f64 = 0.02;
+
+/// Share of a cell's light that n × n rays may misjudge when they disagree, and when they agree.
+const MIXED_ERROR: [f64; 4] = [1.0, 0.5, 0.2, 0.1];
+const UNANIMOUS_ERROR: [f64; 4] = [1.0, 0.3, 0.06, 0.02];
+
+/// Blockers times points from which on a shaft costs less than the ray tests it may save (measured).
+const WORTH_A_SHAFT: usize = 32;
+
+/// The most convex blockers whose projections are followed exactly.
+const EXACT_PIECES: usize = 40;
+
+/// Virtual splits below a packet's deepest level, at most.
+const MAX_VIRTUAL_DEPTH: u8 = 8;
+
+/// A bundle of points on one plane.
+pub struct Points<'a> {
+    /// Where the kernel is evaluated, in metres.
+    pub position: &'a [DVec3],
+    /// Where visibility is taken from: the same, or the nearest point of the receiving polygon.
+    pub eye: &'a [DVec3],
+    /// Unit normal of the plane.
+    pub normal: DVec3,
+    /// The face they lie on, which never shadows them; `u32::MAX` for points in free space.
+    pub face: u32,
+    /// At most four corners around all of them.
+    pub hull: &'a [DVec3],
+}
+
+/// Which faces may stand between a bundle and a cell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Candidates {
+    /// None: proven unoccluded.
+    Free,
+    /// One of them blocks everything: proven hidden.
+    Hidden,
+    /// The entries of the scratch list in this range.
+    List(usize, usize),
+    /// Too many to list: ask the structure.
+    Scene,
+}
+
+/// What a gathering may lose: a cell is accepted when its error is below either.
+#[derive(Clone, Copy, Debug)]
+pub struct Tolerance {
+    /// Share of the cell's own light, so that all cells together lose this share of the whole.
+    pub relative: f64,
+    /// Irradiance in W/m² (Euclidean norm over bands).
+    pub absolute_w_m2: f64,
+}
+
+/// The most candidates listed for a shaft.
+pub const LIST_LIMIT: usize = 48;
+
+/// The gathering of one packet by one bundle.
+pub struct Gather<'a, const N: usize> {
+    /// What is shot.
+    pub packet: &'a Packet<N>,
+    /// Who receives it.
+    pub points: &'a Points<'a>,
+    /// What may stand between.
+    pub occluder: &'a dyn Occluder,
+    /// Irradiance per point in W/m², added to.
+    pub irradiance: &'a mut [[f64; N]],
+    /// Irradiance per point, all bands, whose visibility rests on rays alone, added to.
+    pub uncertain: &'a mut [f64],
+    /// Working memory and counts.
+    pub scratch: &'a mut Scratch,
+    centre: DVec3,
+    radius: f64,
+}
+
+/// How a cell's light is taken.
+struct How {
+    closed_form: bool,
+    constant: bool,
+    partial: Partial,
+    /// Whether even a unanimous vote of the rays leaves too much in doubt.
+    doubt: bool,
+}
+
+/// What to do for points that see a cell in part.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Partial {
+    /// Believe the rays.
+    Rays,
+    /// Compute the visible part exactly.
+    Exact,
+    /// Divide the cell for them.
+    Divide,
+}
+
+/// Geometry of an emitter cell as seen from the bundle.
+struct View {
+    /// Longest side over distance from the bundle to the cell's middle.
+    ratio: f64,
+    /// Estimate, on the safe side, of the form factor from any point of the bundle.
+    form_factor: f64,
+}
+
+impl<'a, const N: usize> Gather<'a, N> {
+    /// Prepares a gathering; results are added to `irradiance` and `uncertain`.
+    pub fn new(
+        packet: &'a Packet<N>,
+        points: &'a Points<'a>,
+        occluder: &'a dyn Occluder,
+        irradiance: &'a mut [[f64; N]],
+        uncertain: &'a mut [f64],
+        scratch: &'a mut Scratch,
+    ) -> Self {
+        let centre = points.hull.iter().sum::<DVec3>() / points.hull.len() as f64;
+        let radius = points.hull.iter().map(|p| p.distance(centre)).fold(0.0, f64::max);
+        Self { packet, points, occluder, irradiance, uncertain, scratch, centre, radius }
+    }
+
+    /// Gathers the whole packet.
+    pub fn run(&mut self, candidates: Candidates, tolerance: Tolerance) {
+        let active = u32::MAX >> (32 - self.points.position.len() as u32);
+        let root = self.packet.root();
+        self.visit(&root, active, candidates, tolerance);
+    }
+
+    fn visit(&mut self, emitter: &EmitterCell<N>, active: u32, candidates: Candidates, tolerance: Tolerance) {
+        let Some(view) = self.view(emitter) else { return };
+        let (mean, variation) = strength(&emitter.coefficients);
+        let detail = emitter.node.map_or(0.0, |n| {
+            let node = &self.packet.nodes[n as usize];
+            if node.children.is_some() { node.detail_w_m2 } else { 0.0 }
+        });
+        let estimate = (mean + variation) * view.form_factor;
+        let allowed = (tolerance.relative * estimate).max(tolerance.absolute_w_m2);
+        // Details have vanishing moments: far away they fade with the kernel's derivatives.
+        let fade = view.ratio.min(1.0).powi(self.packet.basis.order() as i32);
+        if detail * view.form_factor * fade > 0.5 * allowed {
+            return self.divide(emitter, active, candidates, tolerance);
+        }
+        let constant = variation * view.form_factor <= 0.1 * allowed;
+        let smooth = (if constant { 1 } else { self.packet.basis.order().max(2) }..=3)
+            .find(|n| QUADRATURE_ERROR[*n] * view.ratio.powi(2 * *n as i32) * estimate <= 0.5 * allowed);
+        let splittable = emitter.virtual_depth < MAX_VIRTUAL_DEPTH;
+        let subtraction_error = SUBTRACTION_ERROR * variation * view.form_factor;
+        if smooth.is_none() && !constant && splittable && subtraction_error > 0.5 * allowed {
+            return self.divide(emitter, active, candidates, tolerance);
+        }
+        let least = smooth.unwrap_or(if constant { 1 } else { 3 });
+        let n = if candidates == Candidates::Free {
+            least
+        } else {
+            // Enough rays that a unanimous vote is safe to believe.
+            (least..3).find(|n| UNANIMOUS_ERROR[*n] * estimate <= tolerance.absolute_w_m2).unwrap_or(3)
+        };
+        let nodes = Nodes::new(self.packet, emitter, n);
+        let how = How {
+            closed_form: smooth.is_none(),
+            constant,
+            partial: self.partial(
+                candidates,
+                tolerance,
+                n,
+                estimate,
+                variation * view.form_factor,
+                splittable,
+            ),
+            doubt: UNANIMOUS_ERROR[n] * estimate > tolerance.absolute_w_m2,
+        };
+        let mixed = self.take(emitter, &nodes, active, candidates, &how);
+        if mixed != 0 {
+            self.divide(emitter, mixed, candidates, tolerance);
+        }
+    }
+
+    /// What to do where a cell is seen in part.
+    fn partial(
+        &self,
+        candidates: Candidates,
+        tolerance: Tolerance,
+        n: usize,
+        estimate: f64,
+        variation: f64,
+        splittable: bool,
+    ) -> Partial {
+        if MIXED_ERROR[n] * estimate <= tolerance.absolute_w_m2 {
+            return Partial::Rays;
+        }
+        if let Candidates::List(start, end) = candidates
+            && (MIXED_ERROR[n] * variation <= tolerance.absolute_w_m2 || !splittable)
+        {
+            let faces = self.occluder.faces();
+            let list = &self.scratch.candidates[start..end];
+            if list.iter().map(|f| faces.piece_count(*f)).sum::<usize>() <= EXACT_PIECES {
+                return Partial::Exact;
+            }
+        }
+        if splittable { Partial::Divide } else { Partial::Rays }
+    }
+
+    /// Adds the cell's light to the points of `active`; returns the points left out because the cell must be divided for them.
+    fn take(
+        &mut self,
+        emitter: &EmitterCell<N>,
+        nodes: &Nodes<N>,
+        active: u32,
+        candidates: Candidates,
+        how: &How,
+    ) -> u32 {
+        let all = (1u32 << nodes.count) - 1;
+        let mut left = 0;
+        for p in points_of(active) {
+            let x = self.points.position[p];
+            if candidates == Candidates::Free {
+                let light = self.light(x, emitter, nodes, all, how);
+                self.add(p, &light);
+                continue;
+            }
+            let visible = self.trace(p, nodes, candidates);
+            let unanimous = visible == 0 || visible == all;
+            let light = match how.partial {
+                Partial::Exact if !unanimous || how.doubt => match self.share(p, emitter, candidates) {
+                    Some(share) => self.shared_light(x, emitter, nodes, visible, share, how),
+                    None => {
+                        left |= 1 << p;
+                        continue;
+                    }
+                },
+                Partial::Divide if !unanimous => {
+                    left |= 1 << p;
+                    continue;
+                }
+                _ => self.light(x, emitter, nodes, visible, how),
+            };
+            self.add(p, &light);
+            let unoccluded = if visible == 0 { self.far(x, nodes, !0) } else { light };
+            self.uncertain[p] += norm(&unoccluded);
+        }
+        left
+    }
+
+    fn add(&mut self, p: usize, light: &[f64; N]) {
+        for n in 0..N {
+            self.irradiance[p][n] += light[n];
+        }
+    }
+
+    fn light(
+        &mut self,
+        x: DVec3,
+        emitter: &EmitterCell<N>,
+        nodes: &Nodes<N>,
+        visible: u32,
+        how: &How,
+    ) -> [f64; N] {
+        if how.closed_form {
+            self.near(x, emitter, nodes, visible, how.constant)
+        } else {
+            self.far(x, nodes, visible)
+        }
+    }
+
+    /// The exact share of the cell's form factor that point `p` sees.
+    fn share(&mut self, p: usize, emitter: &EmitterCell<N>, candidates: Candidates) -> Option<f64> {
+        let Candidates::List(start, end) = candidates else { return None };
+        let faces = self.occluder.faces();
+        self.scratch.work.exact_visibilities += 1;
+        visible_share(
+            self.points.eye[p],
+            self.points.normal,
+            emitter.corners(&self.packet.frame),
+            self.packet.frame.normal,
+            self.scratch.candidates[start..end].iter().flat_map(|f| faces.pieces(*f)),
+            &mut self.scratch.fragments,
+        )
+    }
+
+    /// The light of a cell seen in part: its mean by the exact share, the rest by the nodes that are seen.
+    fn shared_light(
+        &mut self,
+        x: DVec3,
+        emitter: &EmitterCell<N>,
+        nodes: &Nodes<N>,
+        visible: u32,
+        share: f64,
+        how: &How,
+    ) -> [f64; N] {
+        let (n_x, n_y) = (self.points.normal, self.packet.frame.normal);
+        self.scratch.work.lambert_evaluations += 1;
+        let factor = form_factor(x, n_x, emitter.corners(&self.packet.frame));
+        let mean = emitter.coefficients[0];
+        let mut light = mean.map(|c| c * factor * share);
+        if !how.constant {
+            for q in (0..nodes.count).filter(|q| visible & (1 << q) != 0) {
+                let k = kernel(x, n_x, nodes.position[q], n_y);
+                for n in 0..N {
+                    light[n] += k * (nodes.weighted[q][n] - nodes.area[q] * mean[n]);
+                }
+            }
+        }
+        light
+    }
+
+    /// Product quadrature over the visible nodes.
+    fn far(&mut self, x: DVec3, nodes: &Nodes<N>, visible: u32) -> [f64; N] {
+        self.scratch.work.kernel_evaluations += nodes.count as u64;
+        let mut sum = [0.0; N];
+        for q in 0..nodes.count {
+            if visible & (1 << q) != 0 {
+                let k = kernel(x, self.points.normal, nodes.position[q], self.packet.frame.normal);
+                for n in 0..N {
+                    sum[n] += k * nodes.weighted[q][n];
+                }
+            }
+        }
+        sum
+    }
+
+    /// Lambert's closed form, with singularity subtraction where the radiosity varies, times the visible share of the cell's light.
+    fn near(
+        &mut self,
+        x: DVec3,
+        emitter: &EmitterCell<N>,
+        nodes: &Nodes<N>,
+        visible: u32,
+        constant: bool,
+    ) -> [f64; N] {
+        if visible == 0 {
+            return [0.0; N];
+        }
+        let (n_x, n_y) = (self.points.normal, self.packet.frame.normal);
+        self.scratch.work.lambert_evaluations += 1;
+        let factor = form_factor(x, n_x, emitter.corners(&self.packet.frame));
+        let all = (1u32 << nodes.count) - 1;
+        let mut light = [0.0; N];
+        if constant {
+            light = emitter.coefficients[0].map(|c| c * factor);
+            if visible == all {
+                return light;
+            }
+        }
+        self.scratch.work.kernel_evaluations += nodes.count as u64;
+        let nearest = if constant { [0.0; N] } else { self.nearest_radiosity(x, emitter) };
+        let (mut seen, mut total) = (0.0, 0.0);
+        let mut rest = [0.0; N];
+        for q in 0..nodes.count {
+            let k = kernel(x, n_x, nodes.position[q], n_y);
+            let share = k * nodes.area[q].max(0.0);
+            total += share;
+            if visible & (1 << q) != 0 {
+                seen += share;
+            }
+            for n in 0..N {
+                rest[n] += k * (nodes.weighted[q][n] - nodes.area[q] * nearest[n]);
+            }
+        }
+        if !constant {
+            for n in 0..N {
+                light[n] = nearest[n] * factor + rest[n];
+            }
+        }
+        let share = match visible == all {
+            true => 1.0,
+            false if total > 0.0 => seen / total,
+            false => visible.count_ones() as f64 / nodes.count as f64,
+        };
+        light.map(|l| l * share)
+    }
+
+    /// The emitter's radiosity at its point nearest to `x`.
+    fn nearest_radiosity(&self, x: DVec3, emitter: &EmitterCell<N>) -> [f64; N] {
+        let local = emitter.cell.to_local(self.packet.frame.uv(x)).clamp(DVec2::ZERO, DVec2::ONE);
+        value_at(self.packet.basis, &emitter.coefficients, local)
+    }
+
+    /// Which of the nodes point `p` sees, as a bit mask.
+    fn trace(&mut self, p: usize, nodes: &Nodes<N>, candidates: Candidates) -> u32 {
+        let from = self.points.eye[p];
+        let skip = [self.points.face, self.packet.face];
+        let faces = self.occluder.faces();
+        let mut visible = 0;
+        self.scratch.work.visibility_rays += nodes.count as u64;
+        for q in 0..nodes.count {
+            let to = nodes.eye[q];
+            let blocked = match candidates {
+                Candidates::Free => false,
+                Candidates::Hidden => true,
+                Candidates::List(start, end) => {
+                    let list = &mut self.scratch.candidates[start..end];
+                    match list.iter().position(|f| faces.blocks(*f, from, to - from)) {
+                        Some(found) => {
+                            // The last blocker comes first next time.
+                            list.swap(0, found);
+                            true
+                        }
+                        None => false,
+                    }
+                }
+                Candidates::Scene => self.occluder.blocker(from, to, skip).is_some(),
+            };
+            if !blocked {
+                visible |= 1 << q;
+            }
+        }
+        visible
+    }
+
+    fn divide(
+        &mut self,
+        emitter: &EmitterCell<N>,
+        active: u32,
+        candidates: Candidates,
+        tolerance: Tolerance,
+    ) {
+        let split = self.packet.split_of(emitter);
+        let count = split.children().len();
+        // The edge of a shadow runs through about the square root of the parts, and their errors are of either sign.
+        let absolute_w_m2 = tolerance.absolute_w_m2 / (count as f64).sqrt().sqrt();
+        let tolerance = Tolerance { absolute_w_m2, ..tolerance };
+        for index in 0..count {
+            let Some(child) = self.packet.child(emitter, split, index) else { continue };
+            let top = self.scratch.candidates.len();
+            let narrowed = self.narrow(&child, active, candidates);
+            if narrowed != Candidates::Hidden {
+                self.visit(&child, active, narrowed, tolerance);
+            }
+            self.scratch.candidates.truncate(top);
+        }
+    }
+
+    /// The candidates that reach into the shaft to `emitter`.
+    fn narrow(&mut self, emitter: &EmitterCell<N>, active: u32, candidates: Candidates) -> Candidates {
+        match candidates {
+            Candidates::Free | Candidates::Hidden => return candidates,
+            Candidates::List(start, end)
+                if (end - start) * (active.count_ones() as usize) < WORTH_A_SHAFT =>
+            {
+                return candidates;
+            }
+            _ => {}
+        }
+        let corners = cell_corners(&emitter.cell).map(|c| self.packet.frame.point(c));
+        let shaft = Shaft::between(
+            self.points.hull,
+            Some(self.points.normal),
+            &corners,
+            Some(self.packet.frame.normal),
+        );
+        let skip = [self.points.face, self.packet.face];
+        narrow(self.occluder, &shaft, candidates, skip, self.points.hull, &corners, self.scratch)
+    }
+
+    /// `None` where no light can pass between the bundle and the cell.
+    fn view(&self, emitter: &EmitterCell<N>) -> Option<View> {
+        let frame = &self.packet.frame;
+        let cell = &emitter.cell;
+        let middle = frame.point(cell.centre());
+        let (u, v) = (frame.u * cell.size.x, frame.v * cell.size.y);
+        let half = 0.5 * (u + v).length().max((u - v).length());
+        let between = middle - self.centre;
+        let distance = between.length();
+        let above = -frame.normal.dot(between) + self.radius;
+        let ahead = self.points.normal.dot(between) + self.radius + half;
+        if above <= 0.0 || ahead <= 0.0 {
+            return None;
+        }
+        let clear = (distance - self.radius).max(0.0);
+        let gap = (clear - half).max(0.0);
+        let area = frame.area_m2 * cell.area();
+        let cosine = |height: f64| if gap > 0.0 { (height / gap).min(1.0) } else { 1.0 };
+        let (cos_x, cos_y) = (cosine(ahead), cosine(above));
+        let square = std::f64::consts::PI * (0.5 * (clear * clear + gap * gap));
+        let size = u.length().max(v.length());
+        Some(View {
+            ratio: if clear > 0.0 { size / clear } else { f64::INFINITY },
+            form_factor: (cos_x * cos_y * area / (square + area)).min(1.0),
+        })
+    }
+}
+
+/// Narrows `candidates` to those that reach into `shaft`, the hull of `a` and `b`. A new list stands at the end of the scratch list.
+pub fn narrow(
+    occluder: &dyn Occluder,
+    shaft: &Shaft,
+    candidates: Candidates,
+    skip: [u32; 2],
+    a: &[DVec3],
+    b: &[DVec3],
+    scratch: &mut Scratch,
+) -> Candidates {
+    let top = scratch.candidates.len();
+    match candidates {
+        Candidates::Free | Candidates::Hidden => return candidates,
+        Candidates::List(start, end) => {
+            for i in start..end {
+                let face = scratch.candidates[i];
+                if shaft.may_hold(occluder.faces().vertices(face)) {
+                    scratch.candidates.push(face);
+                }
+            }
+        }
+        Candidates::Scene => {
+            if !occluder.candidates(shaft, skip, LIST_LIMIT, &mut scratch.candidates) {
+                return Candidates::Scene;
+            }
+        }
+    }
+    let list = &scratch.candidates[top..];
+    if list.is_empty() {
+        return Candidates::Free;
+    }
+    if list.iter().any(|face| hides(occluder.faces(), *face, a, b)) {
+        scratch.candidates.truncate(top);
+        return Candidates::Hidden;
+    }
+    Candidates::List(top, scratch.candidates.len())
+}
+
+/// Whether a convex face blocks every segment between two convex polygons. It does when it blocks those between their corners: seen from a
+/// point of one, the other projects onto the face's plane within the hull of its corners' projections.
+fn hides(faces: &OpaqueFaces, face: u32, a: &[DVec3], b: &[DVec3]) -> bool {
+    faces.piece_count(face) == 1 && a.iter().all(|p| b.iter().all(|q| faces.blocks(face, *p, *q - *p)))
+}
+
+/// Gauss nodes on an emitter cell: positions, weights in m², weighted radiosity in W.
+struct Nodes<const N: usize> {
+    count: usize,
+    position: [DVec3; 9],
+    eye: [DVec3; 9],
+    area: [f64; 9],
+    weighted: [[f64; N]; 9],
+}
+
+impl<const N: usize> Nodes<N> {
+    fn new(packet: &Packet<N>, emitter: &EmitterCell<N>, n: usize) -> Self {
+        let (abscissae, weights) = gauss(n);
+        let area = packet.frame.area_m2 * emitter.cell.area();
+        let mut nodes = Self {
+            count: n * n,
+            position: [DVec3::ZERO; 9],
+            eye: [DVec3::ZERO; 9],
+            area: [0.0; 9],
+            weighted: [[0.0; N]; 9],
+        };
+        let moments = emitter.outline.as_ref().map(|outline| {
+            let local: Vec<DVec2> = outline.iter().map(|p| emitter.cell.to_local(*p)).collect();
+            let basis = [Basis::Haar, Basis::M2, Basis::M3][n - 1];
+            (basis, polygon::moments(&local, basis))
+        });
+        for i in 0..n {
+            for j in 0..n {
+                let q = i * n + j;
+                let local = DVec2::new(abscissae[i], abscissae[j]);
+                let uv = emitter.cell.to_surface(local);
+                nodes.position[q] = packet.frame.point(uv);
+                nodes.eye[q] = nodes.position[q];
+                let mut weight = weights[i] * weights[j];
+                if let (Some((basis, moments)), Some(outline)) = (&moments, &emitter.outline) {
+                    let phi = basis.evaluate(local);
+                    weight *= (0..basis.len()).map(|a| phi[a] * moments[a]).sum::<f64>();
+                    if !polygon::contains(outline, uv) {
+                        let near = polygon::nearest_on_boundary(outline, uv, |d| {
+                            (d.x * packet.frame.u + d.y * packet.frame.v).length_squared()
+                        });
+                        nodes.eye[q] = packet.frame.point(near);
+                    }
+                }
+                nodes.area[q] = weight * area;
+                let value = value_at(packet.basis, &emitter.coefficients, local);
+                nodes.weighted[q] = value.map(|b| b * nodes.area[q]);
+            }
+        }
+        nodes
+    }
+}
+
+/// The function of these coefficients at a point of the cell's unit square.
+pub fn value_at<const N: usize>(
+    basis: Basis,
+    coefficients: &[[f64; N]; MAX_FUNCTIONS],
+    local: DVec2,
+) -> [f64; N] {
+    let k = basis.order();
+    let (x, y) = (legendre(local.x), legendre(local.y));
+    let mut sum = [0.0; N];
+    for i in 0..k {
+        for j in 0..k {
+            let phi = x[i] * y[j];
+            for n in 0..N {
+                sum[n] += phi * coefficients[i * k + j][n];
+            }
+        }
+    }
+    sum
+}
+
+/// Norm over bands of the mean, and of the part that varies, times √3: the largest value of a linear function over its RMS.
+fn strength<const N: usize>(coefficients: &[[f64; N]; MAX_FUNCTIONS]) -> (f64, f64) {
+    let rest: f64 = coefficients[1..].iter().flatten().map(|c| c * c).sum();
+    (norm(&coefficients[0]), (3.0 * rest).sqrt())
+}
+
+/// Euclidean norm over bands.
+pub fn norm<const N: usize>(values: &[f64; N]) -> f64 {
+    values.iter().map(|v| v * v).sum::<f64>().sqrt()
+}
+
+fn points_of(mask: u32) -> impl Iterator<Item = usize> {
+    (0..MAX_SAMPLES).filter(move |p| mask & (1 << p) != 0)
+}

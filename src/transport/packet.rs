@@ -1,0 +1,169 @@
+//! Emission packets: an immutable, compact snapshot of what one surface has to shoot, as a tree of cells.
+//!
+//! The paper's "lazy copy": receivers read the packet while the emitter's own tree may change. A packet holds levels only as deep as their detail
+//! matters; deeper ones are made on the fly by pushing coefficients down.
+
+use glam::{DVec2, DVec3};
+
+use crate::math::basis::MAX_FUNCTIONS;
+use crate::math::{Basis, Cell, Split, polygon};
+use crate::scene::{Frame, Surface};
+
+/// What one surface has to shoot, `N` bands.
+#[derive(Clone, Debug)]
+pub struct Packet<const N: usize> {
+    /// Index of the surface.
+    pub surface: u32,
+    /// Its face, which never shadows it.
+    pub face: u32,
+    /// The parallelogram.
+    pub frame: Frame,
+    /// The polygon in the frame's parameters; `None` where it is the whole parallelogram.
+    pub outline: Option<Box<[DVec2]>>,
+    /// The basis of the coefficients.
+    pub basis: Basis,
+    /// Nodes; the root is number 0, the children of a node stand side by side.
+    pub nodes: Vec<PacketNode<N>>,
+}
+
+/// One cell of a packet.
+#[derive(Clone, Debug)]
+pub struct PacketNode<const N: usize> {
+    /// Coefficients of the unshot radiosity in W/m².
+    pub coefficients: [[f64; N]; MAX_FUNCTIONS],
+    /// Bound on how far the radiosity anywhere below differs from this cell's polynomial, in W/m².
+    pub detail_w_m2: f64,
+    /// How it is divided and its first child's index.
+    pub children: Option<(Split, u32)>,
+}
+
+/// A cell of an emitter on the way down: a packet's node, or a part of one.
+#[derive(Clone, Debug)]
+pub struct EmitterCell<const N: usize> {
+    /// Where it lies.
+    pub cell: Cell,
+    /// The node, where it is one.
+    pub node: Option<u32>,
+    /// Coefficients of the radiosity on it.
+    pub coefficients: [[f64; N]; MAX_FUNCTIONS],
+    /// The emitting polygon within the cell, in the surface's parameters; `None` where the whole cell emits.
+    pub outline: Option<Box<[DVec2]>>,
+    /// Splits below the packet's deepest level.
+    pub virtual_depth: u8,
+}
+
+impl<const N: usize> Packet<N> {
+    /// The whole emitter.
+    pub fn root(&self) -> EmitterCell<N> {
+        EmitterCell {
+            cell: Cell::UNIT,
+            node: Some(0),
+            coefficients: self.nodes[0].coefficients,
+            outline: self.outline.clone(),
+            virtual_depth: 0,
+        }
+    }
+
+    /// How `emitter` divides: as the packet does, else across its longer side, or both ways where the sides are alike.
+    pub fn split_of(&self, emitter: &EmitterCell<N>) -> Split {
+        if let Some((split, _)) = emitter.node.and_then(|n| self.nodes[n as usize].children) {
+            return split;
+        }
+        let (du, dv) =
+            (self.frame.u.length() * emitter.cell.size.x, self.frame.v.length() * emitter.cell.size.y);
+        if du > 1.9 * dv {
+            Split::U
+        } else if dv > 1.9 * du {
+            Split::V
+        } else {
+            Split::Both
+        }
+    }
+
+    /// Child number `index` of `emitter`; `None` where nothing of the polygon lies in it.
+    pub fn child(&self, emitter: &EmitterCell<N>, split: Split, index: usize) -> Option<EmitterCell<N>> {
+        let cell = emitter.cell.child(split, index);
+        let outline = match &emitter.outline {
+            None => None,
+            Some(outline) => match Shape::cut(outline, &cell) {
+                Shape::Outside => return None,
+                Shape::Whole => None,
+                Shape::Part(part, _) => Some(part),
+            },
+        };
+        let node = emitter.node.and_then(|n| self.nodes[n as usize].children).map(|(_, c)| c + index as u32);
+        let coefficients = match node {
+            Some(n) => self.nodes[n as usize].coefficients,
+            None => {
+                let mut pushed = [[0.0; N]; MAX_FUNCTIONS];
+                self.basis.push(split, index, &emitter.coefficients, &mut pushed);
+                pushed
+            }
+        };
+        let virtual_depth = if node.is_some() { 0 } else { emitter.virtual_depth + 1 };
+        Some(EmitterCell { cell, node, coefficients, outline, virtual_depth })
+    }
+}
+
+impl<const N: usize> EmitterCell<N> {
+    /// The corners of the emitting polygon (the cell where all of it emits) in space, counter-clockwise.
+    pub fn corners<'a>(&'a self, frame: &'a Frame) -> impl Iterator<Item = DVec3> + Clone + 'a {
+        let whole = cell_corners(&self.cell);
+        let count = self.outline.as_ref().map_or(4, |o| o.len());
+        (0..count).map(move |i| frame.point(self.outline.as_ref().map_or_else(|| whole[i], |o| o[i])))
+    }
+}
+
+/// The corners of a cell, counter-clockwise.
+pub fn cell_corners(cell: &Cell) -> [DVec2; 4] {
+    let (low, high) = (cell.low, cell.low + cell.size);
+    [low, DVec2::new(high.x, low.y), high, DVec2::new(low.x, high.y)]
+}
+
+/// How a cell lies to a surface's polygon.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Shape {
+    /// The cell lies inside.
+    Whole,
+    /// They do not overlap.
+    Outside,
+    /// The part of the polygon inside the cell, in the surface's parameters, and its share of the cell's area.
+    Part(Box<[DVec2]>, f64),
+}
+
+impl Shape {
+    /// How the polygon lies in the surface's whole parallelogram.
+    pub fn of_surface(surface: &Surface) -> Self {
+        if surface.full { Shape::Whole } else { Self::cut(&surface.outline, &Cell::UNIT) }
+    }
+
+    /// Cuts a polygon to a cell. Shares of the cell below 1e-9 count as none, above 1 − 1e-9 as all.
+    pub fn cut(outline: &[DVec2], cell: &Cell) -> Self {
+        let part = polygon::clip_to_cell(outline, cell);
+        let share = if part.len() < 3 { 0.0 } else { polygon::area(&part) / cell.area() };
+        if share < 1e-9 {
+            Shape::Outside
+        } else if share > 1.0 - 1e-9 {
+            Shape::Whole
+        } else {
+            Shape::Part(part.into_boxed_slice(), share)
+        }
+    }
+
+    /// The shape of the child cell within this shape's cell.
+    pub fn of_child(&self, child: &Cell) -> Self {
+        match self {
+            Shape::Part(outline, _) => Self::cut(outline, child),
+            other => other.clone(),
+        }
+    }
+
+    /// The share of the cell that belongs to the polygon.
+    pub fn share(&self) -> f64 {
+        match self {
+            Shape::Whole => 1.0,
+            Shape::Outside => 0.0,
+            Shape::Part(_, share) => *share,
+        }
+    }
+}

@@ -1,0 +1,43 @@
+//! Counts of the work done, in units that do not depend on the machine.
+
+use serde::{Deserialize, Serialize};
+
+/// What a pair task did; additive.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Work {
+    /// Accepted transfers to a receiver element.
+    pub interactions: u64,
+    /// Evaluations of the kernel at a pair of points.
+    pub kernel_evaluations: u64,
+    /// Evaluations of Lambert's closed form.
+    pub lambert_evaluations: u64,
+    /// Segments tested for visibility.
+    pub visibility_rays: u64,
+    /// Visible parts of emitter cells computed exactly.
+    pub exact_visibilities: u64,
+    /// Receiver–emitter pairs whose shaft held no candidate: no ray was needed.
+    pub pairs_unoccluded: u64,
+    /// Receiver elements proven hidden from the emitter by one face.
+    pub pairs_hidden: u64,
+    /// Pairs of surfaces skipped because one lies behind the other.
+    pub pairs_behind: u64,
+    /// Transfers too small for the error budget to be resolved: one sample was taken.
+    pub pairs_coarse: u64,
+    /// Sum of squared link errors `(ρ δ)² A`, W²/m².
+    pub error_squared: f64,
+}
+
+impl std::ops::AddAssign for Work {
+    fn add_assign(&mut self, o: Self) {
+        self.interactions += o.interactions;
+        self.kernel_evaluations += o.kernel_evaluations;
+        self.lambert_evaluations += o.lambert_evaluations;
+        self.visibility_rays += o.visibility_rays;
+        self.exact_visibilities += o.exact_visibilities;
+        self.pairs_unoccluded += o.pairs_unoccluded;
+        self.pairs_hidden += o.pairs_hidden;
+        self.pairs_behind += o.pairs_behind;
+        self.pairs_coarse += o.pairs_coarse;
+        self.error_squared += o.error_squared;
+    }
+}

@@ -1,0 +1,183 @@
+//! The faces of a scene prepared for segment tests: planes, boxes, and corners projected along the dominant axis.
+
+use glam::{DVec2, DVec3};
+
+use crate::scene::Scene;
+
+/// Convex faces with more corners than this are cut in triangles too, so that pieces stay small.
+const MAX_CONVEX_CORNERS: usize = 8;
+
+/// All faces of a scene as opaque polygons.
+pub struct OpaqueFaces {
+    faces: Vec<Prepared>,
+    corners: Vec<DVec2>,
+    vertices: Vec<DVec3>,
+    /// Where each convex piece ends in `piece_vertices`; where each face's pieces end in `piece_ends`.
+    piece_ends: Vec<u32>,
+    piece_vertices: Vec<DVec3>,
+}
+
+struct Prepared {
+    normal: DVec3,
+    offset: f64,
+    low: DVec3,
+    high: DVec3,
+    axis: u8,
+    first: u32,
+    count: u32,
+    pieces: (u32, u32),
+}
+
+fn project(v: DVec3, axis: u8) -> DVec2 {
+    match axis {
+        0 => DVec2::new(v.y, v.z),
+        1 => DVec2::new(v.z, v.x),
+        _ => DVec2::new(v.x, v.y),
+    }
+}
+
+/// Newell's normal: twice the vector area of a polygon.
+fn vector_area(vertices: &[DVec3]) -> DVec3 {
+    let anchor = vertices[0];
+    (1..vertices.len() - 1).map(|i| (vertices[i] - anchor).cross(vertices[i + 1] - anchor)).sum()
+}
+
+impl OpaqueFaces {
+    /// Prepares the faces of `scene`.
+    pub fn new(scene: &Scene) -> Self {
+        let mut prepared = Self {
+            faces: Vec::new(),
+            corners: Vec::new(),
+            vertices: Vec::new(),
+            piece_ends: vec![0],
+            piece_vertices: Vec::new(),
+        };
+        for face in &scene.faces {
+            let normal = vector_area(&face.vertices).normalize_or_zero();
+            let size = normal.abs();
+            let axis = if size.x > size.y && size.x > size.z {
+                0
+            } else if size.y > size.z {
+                1
+            } else {
+                2
+            };
+            let start = face.vertices[0];
+            let pieces = prepared.add_pieces(&face.vertices, normal, axis);
+            prepared.faces.push(Prepared {
+                normal,
+                offset: face.vertices.iter().map(|v| v.dot(normal)).sum::<f64>() / face.vertices.len() as f64,
+                low: face.vertices.iter().fold(start, |a, v| a.min(*v)),
+                high: face.vertices.iter().fold(start, |a, v| a.max(*v)),
+                axis,
+                first: prepared.corners.len() as u32,
+                count: face.vertices.len() as u32,
+                pieces,
+            });
+            prepared.corners.extend(face.vertices.iter().map(|v| project(*v, axis)));
+            prepared.vertices.extend_from_slice(&face.vertices);
+        }
+        prepared
+    }
+
+    /// Adds the convex pieces of a face: itself, or its triangles.
+    fn add_pieces(&mut self, vertices: &[DVec3], normal: DVec3, axis: u8) -> (u32, u32) {
+        let first = self.piece_ends.len() as u32 - 1;
+        let n = vertices.len();
+        let turns_left = |i: usize| {
+            let (a, b, c) = (vertices[i], vertices[(i + 1) % n], vertices[(i + 2) % n]);
+            (b - a).cross(c - b).dot(normal) >= 0.0
+        };
+        if n <= MAX_CONVEX_CORNERS && (0..n).all(turns_left) {
+            self.piece_vertices.extend_from_slice(vertices);
+            self.piece_ends.push(self.piece_vertices.len() as u32);
+        } else {
+            let mut triangles: Vec<u32> = Vec::new();
+            let flat = vertices.iter().map(|v| project(*v, axis).to_array());
+            earcut::Earcut::new().earcut(flat, &[], &mut triangles);
+            for triangle in triangles.chunks_exact(3) {
+                self.piece_vertices.extend(triangle.iter().map(|i| vertices[*i as usize]));
+                self.piece_ends.push(self.piece_vertices.len() as u32);
+            }
+        }
+        (first, self.piece_ends.len() as u32 - 1)
+    }
+
+    /// How many convex pieces the face consists of.
+    pub fn piece_count(&self, face: u32) -> usize {
+        let (first, end) = self.faces[face as usize].pieces;
+        (end - first) as usize
+    }
+
+    /// The convex pieces of the face.
+    pub fn pieces(&self, face: u32) -> impl Iterator<Item = &[DVec3]> {
+        let (first, end) = self.faces[face as usize].pieces;
+        (first..end).map(|i| {
+            let (start, end) = (self.piece_ends[i as usize], self.piece_ends[i as usize + 1]);
+            &self.piece_vertices[start as usize..end as usize]
+        })
+    }
+
+    /// How many faces there are.
+    pub fn len(&self) -> usize {
+        self.faces.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.faces.is_empty()
+    }
+
+    /// The corners (least, greatest) of the face's box.
+    pub fn bounds(&self, face: u32) -> (DVec3, DVec3) {
+        let face = &self.faces[face as usize];
+        (face.low, face.high)
+    }
+
+    /// The face's corners.
+    pub fn vertices(&self, face: u32) -> &[DVec3] {
+        let face = &self.faces[face as usize];
+        &self.vertices[face.first as usize..(face.first + face.count) as usize]
+    }
+
+    /// Where the line `from + t · along` meets the face, if it does inside the polygon.
+    #[inline]
+    pub fn hit(&self, face: u32, from: DVec3, along: DVec3) -> Option<f64> {
+        let face = &self.faces[face as usize];
+        let slope = face.normal.dot(along);
+        if slope == 0.0 {
+            return None;
+        }
+        let t = (face.offset - face.normal.dot(from)) / slope;
+        (t.is_finite() && self.contains(face, project(from + along * t, face.axis))).then_some(t)
+    }
+
+    /// Whether the face blocks the open segment from `from` along `along` (t from 0 to 1, less the end margins).
+    #[inline]
+    pub fn blocks(&self, face: u32, from: DVec3, along: DVec3) -> bool {
+        let face = &self.faces[face as usize];
+        let slope = face.normal.dot(along);
+        let t = (face.offset - face.normal.dot(from)) / slope;
+        // Written so that a NaN (segment in the plane) does not block.
+        if !(t > super::END_MARGIN && t < 1.0 - super::END_MARGIN) {
+            return false;
+        }
+        self.contains(face, project(from + along * t, face.axis))
+    }
+
+    /// Even–odd test. Each edge is evaluated from its lower end, so that two faces that share it agree to the last bit.
+    #[inline]
+    fn contains(&self, face: &Prepared, p: DVec2) -> bool {
+        let corners = &self.corners[face.first as usize..(face.first + face.count) as usize];
+        let mut inside = false;
+        let mut a = corners[corners.len() - 1];
+        for &b in corners {
+            if (a.y > p.y) != (b.y > p.y) {
+                let (low, high) = if a.y < b.y { (a, b) } else { (b, a) };
+                inside ^= (p.x - low.x) * (high.y - low.y) < (p.y - low.y) * (high.x - low.x);
+            }
+            a = b;
+        }
+        inside
+    }
+}
