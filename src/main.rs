@@ -8,6 +8,8 @@ use wavelet_radiosity::cli::{Arguments, Plan, check_processor};
 
 fn main() -> ExitCode {
     let start = Instant::now();
+    // Before any thread is pinned: what this process may use.
+    ccnuma::affinity::process_mask();
     if let Err(problem) = check_processor() {
         eprintln!("wrad: {problem}");
         return ExitCode::FAILURE;

@@ -340,3 +340,18 @@ fn probes_of_a_coarse_run_follow_the_reference() {
     let rms = (deviation / truth).sqrt();
     assert!(count == 3 * 307 && rms < 0.1, "RMS deviation {rms} over {count} readings");
 }
+
+#[test]
+fn topology_shows_this_machine_and_plans_for_others() {
+    let place = Place::new();
+    let (code, text, _) = place.run("topology");
+    assert!(code == 0 && text.contains("this machine") && text.contains("worker   0"), "{text}");
+    let mut command = place.command("topology --json --threads 4 --pin scatter --synthetic");
+    let output = command.arg("numa:4 core:8 pu:2").output().unwrap();
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert!(output.status.success() && report.is_object(), "{report}");
+    let (code, _, problem) = place.run("topology --synthetic nonsense");
+    assert!(code == 2 && problem.contains("nonsense"), "{problem}");
+    let (code, _, problem) = place.run("topology --threads 100000");
+    assert!(code == 2 && problem.contains("100000"), "{problem}");
+}

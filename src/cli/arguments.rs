@@ -34,6 +34,8 @@ pub enum Command {
     Render(RenderArguments),
     /// Describes a scene: statistics, problems, and what would be computed and what skipped.
     Info(InfoArguments),
+    /// Shows the machine and which worker goes where, checked live.
+    Topology(TopologyArguments),
 }
 
 /// What to solve and how finely.
@@ -45,6 +47,26 @@ pub struct AccuracyArguments {
     /// Function basis: haar, m2, m3 or auto.
     #[arg(long, value_name = "NAME", default_value = "auto")]
     pub basis: String,
+}
+
+/// Arguments of `wrad topology`.
+#[derive(Clone, Debug, Args)]
+pub struct TopologyArguments {
+    /// Plan for another machine: an hwloc synthetic description, such as "pack:2 numa:4 core:8 pu:2".
+    #[arg(long, value_name = "DESCRIPTION", conflicts_with = "xml")]
+    pub synthetic: Option<String>,
+    /// Plan for another machine: a file made by hwloc's `lstopo --of xml`.
+    #[arg(long, value_name = "FILE")]
+    pub xml: Option<PathBuf>,
+    /// Where workers go: compact, scatter, none, or a list of CPUs such as 0,2,4-7.
+    #[arg(long, value_name = "POLICY", default_value = "compact")]
+    pub pin: String,
+    /// Workers; as many as the policy finds CPUs where not given.
+    #[arg(long, value_name = "N")]
+    pub threads: Option<usize>,
+    /// JSON instead of text.
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// Arguments of `wrad solve`.

@@ -22,6 +22,9 @@ pub enum Error {
     /// The scene cannot be used: exit code 2, nothing was written.
     #[error(transparent)]
     Scene(#[from] scene::read::ReadError),
+    /// It did not work out for a reason outside of the input: exit code 1.
+    #[error("{0}")]
+    Failed(String),
     /// Results could not be written: exit code 1.
     #[error("{}", lines(.0))]
     Output(Vec<output::Error>),
@@ -45,7 +48,7 @@ impl Error {
     pub fn exit_code(&self) -> ExitCode {
         match self {
             Error::Input(_) | Error::Scene(_) => ExitCode::from(2),
-            Error::Output(_) => ExitCode::FAILURE,
+            Error::Output(_) | Error::Failed(_) => ExitCode::FAILURE,
         }
     }
 }

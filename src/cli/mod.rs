@@ -18,6 +18,7 @@ mod progress;
 mod render;
 mod report;
 mod solve;
+mod topology;
 
 pub use arguments::Arguments;
 pub use error::{Error, Status};

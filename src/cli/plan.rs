@@ -10,6 +10,7 @@ use crate::transport::Oracle;
 
 use super::arguments::{Command, InfoArguments, RenderArguments, SolveArguments};
 use super::choice::{choose, positive};
+use super::topology::TopologyPlan;
 use super::{Arguments, Error, Status, files, info, render, solve};
 
 /// Solved to this error where none is asked for.
@@ -24,6 +25,8 @@ pub enum Plan {
     Render(RenderPlan),
     /// `wrad info`.
     Info(PathBuf),
+    /// Show a machine and a plan for it.
+    Topology(Box<TopologyPlan>),
 }
 
 /// What `wrad solve` will do.
@@ -89,6 +92,7 @@ impl Plan {
         match arguments.command {
             Command::Solve(arguments) => SolvePlan::new(*arguments).map(Plan::Solve),
             Command::Render(arguments) => RenderPlan::new(arguments).map(Plan::Render),
+            Command::Topology(arguments) => Ok(Plan::Topology(Box::new(TopologyPlan::new(arguments)?))),
             Command::Info(InfoArguments { scene }) => Ok(Plan::Info(scene)),
         }
     }
@@ -101,6 +105,7 @@ impl Plan {
         match self {
             Plan::Solve(plan) => solve::run(plan, start),
             Plan::Render(plan) => render::run(plan),
+            Plan::Topology(plan) => plan.run(),
             Plan::Info(scene) => info::run(scene),
         }
     }

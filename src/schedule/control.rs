@@ -76,8 +76,6 @@ pub struct Outcome {
     pub passes: usize,
     /// Share of the first reflection's power left unshot.
     pub unshot_fraction: f64,
-    /// `1 − Σ A E / Σ A B` of all surfaces and bands: 0 for a closed scene.
-    pub energy_balance: f64,
     /// Leaf elements.
     pub elements: u64,
 }
@@ -251,7 +249,6 @@ impl<'a, const N: usize> Run<'a, N> {
         };
         let elements = attempt.trees.iter().map(|tree| tree.root.leaves()).sum();
         Outcome {
-            energy_balance: 0.0,
             unshot_fraction: if first > 0.0 { statistics.unshot_w / first } else { 0.0 },
             elements,
             statistics,
