@@ -91,6 +91,6 @@ fn m3_at_one_percent_in_the_furnished_room() {
 }
 
 #[test]
-fn m3_at_three_per_mille_on_the_cornell_box() {
-    check("cornell-box", Basis::M3, 0.003, 0.006);
+fn m3_at_three_per_mille_in_the_gallery() {
+    check("l-gallery", Basis::M3, 0.003, 0.006);
 }
