@@ -585,8 +585,7 @@ fn middle_of(outline: &[DVec2]) -> DVec2 {
 /// Mean square of the values whose bit is set.
 fn mean_square(values: &[f64], mask: u32) -> f64 {
     let (mut sum, mut count) = (0.0, 0);
-    for (p, value) in values.iter().enumerate().filter(|(p, _)| mask & (1 << p) != 0) {
-        let _ = p;
+    for (_, value) in values.iter().enumerate().filter(|(p, _)| mask & (1 << p) != 0) {
         sum += value * value;
         count += 1;
     }
