@@ -11,7 +11,7 @@ use crate::math::basis::MAX_FUNCTIONS;
 use crate::math::{Basis, polygon};
 use crate::transport::gather::{Candidates, Points, Tolerance};
 use crate::transport::lamp::Lamp;
-use crate::transport::{Packet, PacketNode, Scratch, Source};
+use crate::transport::{Detail, Packet, PacketNode, Scratch, Source};
 use crate::visibility::Occluder;
 
 /// How near to a surface a probe counts as on it, as a share of the scene's diameter.
@@ -141,7 +141,8 @@ impl<'a, const N: usize> Reader<'a, N> {
 /// The radiosity `M + ρE` of one surface as a packet.
 fn radiosity_packet<const N: usize>(solution: &Solution, index: usize) -> Packet<N> {
     let (surface, field) = (&solution.surfaces[index], &solution.fields[index]);
-    let blank = PacketNode { coefficients: [[0.0; N]; MAX_FUNCTIONS], detail_w_m2: 0.0, children: None };
+    let blank =
+        PacketNode { coefficients: [[0.0; N]; MAX_FUNCTIONS], detail: Detail::default(), children: None };
     let mut nodes = vec![blank];
     let builder = Builder { solution, index, field };
     builder.fill(0, &mut nodes, 0);
