@@ -12,5 +12,5 @@ pub mod validate;
 pub use describe::describe;
 pub use model::{Camera, Face, Finding, Findings, Light, Material, Projection, Scene, Sides};
 pub use split::surfaces;
-pub use surface::{Frame, Surface};
+pub use surface::{Frame, OfFaces, Surface};
 pub use validate::validate;
