@@ -89,9 +89,8 @@ impl<'a, const N: usize> Reader<'a, N> {
             let mut uv = surface.frame.uv(probe.position);
             let mut distance = height.abs();
             if !polygon::contains(&surface.outline, uv) {
-                let metres = |d: DVec2| (d.x * surface.frame.u + d.y * surface.frame.v).length_squared();
-                let near = polygon::nearest_on_boundary(&surface.outline, uv, metres);
-                distance = distance.hypot(metres(near - uv).sqrt());
+                let (near, beside) = surface.nearest_on_boundary(uv);
+                distance = distance.hypot(beside);
                 uv = near;
             }
             if distance <= self.reach_m && best.is_none_or(|(least, ..)| distance < least) {
