@@ -213,11 +213,14 @@ impl<'a, const N: usize> Gather<'a, N> {
         if candidates == Candidates::Free {
             return Some(how);
         }
+        // Where a shadow's edge crosses the cell, its detail does not fade: it may well have that edge too, and then all such cells
+        // err to the same side.
+        let edged = detail.rms_w_m2 * view.form_factor > 0.05 * tolerance.absolute_w_m2;
         // Enough rays that a unanimous vote is safe to believe.
-        let enough = (1..=3).find(|n| UNANIMOUS_ERROR[*n] * estimate <= tolerance.absolute_w_m2);
+        let enough =
+            (1 + edged as usize..=3).find(|n| UNANIMOUS_ERROR[*n] * estimate <= tolerance.absolute_w_m2);
         let rays = enough.unwrap_or(3);
-        // Where a shadow's edge crosses the cell, its detail does not fade, and may well have that edge too.
-        let partial = if detail.rms_w_m2 * view.form_factor > 0.25 * tolerance.absolute_w_m2 {
+        let partial = if edged {
             Partial::Divide
         } else if MIXED_ERROR[rays] * estimate <= tolerance.absolute_w_m2 {
             Partial::Rays
