@@ -21,7 +21,7 @@ const UNSHOT_SHARE: f64 = 0.43;
 const SPREAD: f64 = 1.5;
 /// The root of the sum of squared link errors, times this, is the error of the solution in dark scenes; the second number is how it grows
 /// with the gain `ρ/(1 − ρ)`, since link errors are reflected on (calibrated on the reference scenes and furnaces).
-const LINK_CALIBRATION: (f64, f64) = (1.5, 0.2);
+const LINK_CALIBRATION: (f64, f64) = (1.4, 0.2);
 /// Passes after the pilot, at most.
 const MAX_PASSES: usize = 3;
 
@@ -170,7 +170,7 @@ impl<'a, const N: usize> Run<'a, N> {
                     Basis::M2 => 0.6,
                     Basis::M3 => 0.65,
                 };
-                threshold *= (0.92 * allowed / links).min(1.0).powf(1.0 / growth).max(1e-4);
+                threshold *= (allowed / links).min(1.0).powf(1.0 / growth).max(1e-4);
             }
             observer.pass(passes);
             let finished = attempt.clone();

@@ -32,7 +32,7 @@ pub enum Oracle {
 const UNSEEN_SHADOW: f64 = 0.08;
 
 /// Share of the point tolerance in the link tolerance: noise of the points must not look like detail.
-const POINT_SHARE: f64 = 0.6;
+const POINT_SHARE: f64 = 0.15;
 
 /// Pairs that carry less than this share of the threshold are taken by one sample.
 const COARSE_SHARE: f64 = 0.5;
