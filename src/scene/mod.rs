@@ -4,6 +4,7 @@ pub mod describe;
 pub mod model;
 pub mod pieces;
 pub mod planar;
+pub mod procedural;
 pub mod read;
 pub mod split;
 pub mod surface;
