@@ -62,7 +62,7 @@ impl<'a> Facade<'a> {
         self.crown(LEDGE, 0.6, sketch);
     }
 
-    /// Draws one with columns, and pairs of lamps at the feet of the piers.
+    /// Draws one with columns, and a pair of lamps at each pier.
     pub fn draw_grand(&self, sketch: &mut Sketch) {
         self.ground_floor(sketch);
         self.upper_floors(sketch);
@@ -246,15 +246,15 @@ impl<'a> Facade<'a> {
         }
     }
 
-    /// Two lamps before a pier that shine up at the façade.
+    /// A pair of lamps at a pier that shine up at the façade: one on the ground, one on the ledge, which shades what is above it.
     fn lamps(&self, pier: usize, sketch: &mut Sketch) {
-        let (low, high) = (dvec3(-0.15, -0.1, 0.0), dvec3(0.15, 0.1, 0.25));
-        for (side, x) in [("left", -0.3), ("right", 0.3)] {
-            let at = self.stand.then(&Placement::standing(dvec3(self.pier(pier) + x, -1.5, 0.0), 0.0));
+        for (place, out, z) in [("foot", 1.5, 0.0), ("ledge", 1.06, LEDGE)] {
+            let (low, high) = (dvec3(-0.2, -0.07, 0.0), dvec3(0.2, 0.07, 0.2));
+            let at = self.stand.then(&Placement::standing(dvec3(self.pier(pier), -out, z), 0.0));
             let lens = cuboid(low, high, &[Side::Left, Side::Right, Side::Front, Side::Back, Side::Bottom]);
             let housing = cuboid(low, high, BETWEEN);
             let parts = vec![part("housing", METAL, housing), part("lens", LIGHT, lens)];
-            sketch.place(&format!("{}_lamp{pier}_{side}", self.name), &at, parts);
+            sketch.place(&format!("{}_lamp{pier}_{place}", self.name), &at, parts);
         }
     }
 }

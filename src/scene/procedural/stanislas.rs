@@ -1,4 +1,4 @@
-//! A square before an opera, after Place Stanislas in Nancy: the long façade of the opera lit by pairs of lamps at the feet of its
+//! A square before an opera, after Place Stanislas in Nancy: the long façade of the opera lit by a pair of lamps at each of its
 //! piers, low pavilions left and right, a statue in the middle, paving.
 
 use glam::{DVec3, dvec3};
