@@ -14,18 +14,23 @@ install_missing() {
     command -v pkg-config >/dev/null || missing+=(pkg-config)
     has_library hwloc || missing+=(libhwloc-dev)
     has_library libudev || missing+=(libudev-dev)
-    [ ${#missing[@]} -eq 0 ] && return
-    command -v apt-get >/dev/null || fail "missing: ${missing[*]}; install them with this system's package manager"
-    local root=()
+    [ ${#missing[@]} -eq 0 ] || apt_install "${missing[@]}" || exit 1
+}
+
+# Installs Debian packages as root or through sudo; where that cannot be, says what is missing and returns non-zero.
+apt_install() {
+    local root=() remedy=
+    command -v apt-get >/dev/null || remedy="install with this system's package manager"
     if [ "$(id -u)" -ne 0 ]; then
-        command -v sudo >/dev/null || fail "missing: ${missing[*]}; run as root: apt-get install ${missing[*]}"
+        command -v sudo >/dev/null || remedy="${remedy:-run as root: apt-get install $*}"
         root=(sudo)
     fi
-    say "installing ${missing[*]}"
+    [ -z "$remedy" ] || { printf 'error: missing: %s; %s\n' "$*" "$remedy" >&2; return 1; }
+    say "installing $*"
     # The lists of packages may be missing or old: refresh them, and let apt-get install say what is wrong.
     "${root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get -qq update </dev/null || true
     "${root[@]}" env DEBIAN_FRONTEND=noninteractive \
-        apt-get -qq -y --no-install-recommends install "${missing[@]}" </dev/null
+        apt-get -qq -y --no-install-recommends install "$@" </dev/null
 }
 
 has_library() {

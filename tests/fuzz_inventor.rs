@@ -12,7 +12,7 @@ use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
 
 use wavelet_radiosity::scene::read::inventor::{Limits, parse_within};
-use wavelet_radiosity::scene::{Face, Scene, describe, planar, surfaces, validate};
+use wavelet_radiosity::scene::{Cut, Face, Scene, cut, describe, planar, validate};
 
 /// No input may take longer.
 const LONGEST: Duration = Duration::from_secs(10);
@@ -197,8 +197,8 @@ fn check(scene: &mut Scene) {
         let size = face.vertices.iter().map(|v| v.length()).fold(0.0, f64::max);
         assert!(plane.deviation(&face.vertices) <= 1e-9 * extent + 1e-14 * size, "{face:?}");
     }
-    let surfaces = surfaces(scene);
-    assert!(surfaces.len() >= scene.faces.len());
+    let Cut { surfaces, covered, .. } = cut(scene);
+    assert!(surfaces.len() + covered >= scene.faces.len());
     for surface in &surfaces {
         let frame = &surface.frame;
         assert!(surface.area_m2 > 0.0 && surface.area_m2 <= frame.area_m2 * (1.0 + 1e-6), "{surface:?}");

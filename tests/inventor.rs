@@ -3,11 +3,12 @@
 //!
 //! The files lie beside the project in `../shared`; without them these tests say so and pass.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use wavelet_radiosity::scene::read::{ReadError, read_file};
-use wavelet_radiosity::scene::{Scene, describe, surfaces};
+use wavelet_radiosity::scene::{Scene, cut, describe, planar, surfaces};
 
 fn shared(folder: &str) -> Option<PathBuf> {
     let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/scenes/iv")).join(folder);
@@ -43,11 +44,18 @@ fn repairs(scene: &Scene, rule: &str) -> u64 {
 
 #[test]
 fn the_reference_scenes_load_clean() {
-    for (name, faces) in [("cornell-box", 17), ("furnished-room", 67), ("l-gallery", 22)] {
+    for (name, faces, covered) in [("cornell-box", 17, 0), ("furnished-room", 67, 8), ("l-gallery", 22, 0)] {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("scenes/{name}.iv"));
         let scene = load(&path);
         assert_eq!((&*scene.name, scene.faces.len()), (name, faces));
-        assert_eq!(surfaces(&scene).len(), faces, "all faces are one-sided");
+        // All faces are one-sided.
+        let cut = cut(&scene);
+        let with_surface = cut.surfaces.iter().map(|s| s.face).collect::<BTreeSet<u32>>().len();
+        // What is covered in pairs is a bottom and the part of a floor under it.
+        assert!(cut.cut_sides > 0 && cut.covered == covered && with_surface == faces - covered / 2);
+        let lit: f64 = cut.surfaces.iter().map(|s| s.area_m2).sum();
+        let all: f64 = scene.faces.iter().filter_map(|f| planar::plane(&f.vertices)).map(|p| p.area_m2).sum();
+        assert!(if covered == 0 { (lit / all - 1.0).abs() < 1e-9 } else { lit < all });
         assert!(scene.findings.repairs.is_empty(), "{:?}", scene.findings.repairs);
     }
 }

@@ -22,20 +22,20 @@
 //!
 //! Without a worker there is no slot:
 //!
-//! ```compile_fail
+//! ```compile_fail,E0061
 //! ccnuma::per_thread! { static RAYS: std::cell::Cell<u64> = std::cell::Cell::new(0); }
 //! let rays = RAYS.local(); // not a worker
 //! ```
 //!
 //! A worker cannot be taken to another thread, nor kept:
 //!
-//! ```compile_fail
+//! ```compile_fail,E0277
 //! # fn job(worker: &ccnuma::Worker) {
 //! std::thread::scope(|scope| { scope.spawn(|| worker.index()); });
 //! # }
 //! ```
 //!
-//! ```compile_fail
+//! ```compile_fail,E0277
 //! # fn job(team: &mut ccnuma::Team) {
 //! let mut kept = None;
 //! let _ = team.run(|worker| { kept = Some(worker); });
@@ -49,7 +49,7 @@
 //! fn job(worker: &ccnuma::Worker) -> &'static std::sync::atomic::AtomicU64 { RAYS.local(worker) }
 //! ```
 //!
-//! ```compile_fail
+//! ```compile_fail,E0501,E0596
 //! ccnuma::per_thread! { static RAYS: ccnuma::per_thread::Counter = ccnuma::per_thread::Counter::new(); }
 //! # fn job(team: &mut ccnuma::Team) {
 //! let _ = team.run(|_| RAYS.fold(team, 0, |sum, _, rays| sum + rays.get()));
@@ -58,11 +58,12 @@
 //!
 //! What cannot move between threads cannot be folded by another:
 //!
-//! ```compile_fail
+//! ```compile_fail,E0277
 //! ccnuma::per_thread! { static SHARED: std::rc::Rc<u64> = std::rc::Rc::new(0); }
 //! ```
 
 use std::cell::Cell;
+use std::fmt;
 use std::sync::atomic::AtomicPtr;
 use std::sync::atomic::Ordering::Relaxed;
 
@@ -171,14 +172,20 @@ impl<T: Send> PerThread<T> {
 }
 
 /// One value per worker of one team, made by each on its own node.
-#[derive(Debug)]
 pub struct PerWorker<T> {
     team: usize,
     values: Vec<Box<CachePadded<T>>>,
 }
 
-// SAFETY: through a shared `PerWorker` a worker reaches only its own value, so no value is shared between threads;
-// `T: Send` lets values be made on one thread and dropped or changed on another.
+/// Without the values: any thread may format a shared `PerWorker`, while their workers change them.
+impl<T> fmt::Debug for PerWorker<T> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("PerWorker").field("workers", &self.values.len()).finish_non_exhaustive()
+    }
+}
+
+// SAFETY: through a shared `PerWorker` a worker reaches only its own value and other threads none (`Debug` shows none),
+// so no value is shared between threads; `T: Send` lets values be made on one thread and dropped or changed on another.
 unsafe impl<T: Send> Sync for PerWorker<T> {}
 
 impl<T: Send> PerWorker<T> {
@@ -303,6 +310,11 @@ mod tests {
         let mut values = PerWorker::new(&mut mine, |worker| Cell::new(worker.index())).unwrap();
         mine.run(|worker| values.local(worker).set(values.local(worker).get() + 10)).unwrap();
         assert_eq!(values.iter_mut().map(|value| value.get()).collect::<Vec<_>>(), [10, 11, 12]);
+        assert_eq!(
+            format!("{values:?}"),
+            "PerWorker { workers: 3, .. }",
+            "values are their workers' to read"
+        );
         let misuse = other.run(|worker| values.local(worker).get()).unwrap_err();
         assert!(misuse.message.contains("another team"), "{misuse}");
     }

@@ -7,7 +7,7 @@ use std::path::Path;
 use glam::DVec3;
 
 use crate::output::units::{count, percent};
-use crate::scene::{self, Scene, Sides, Surface, describe};
+use crate::scene::{self, Cut, Scene, Sides, Surface, describe};
 use crate::visibility::nothing_between;
 
 use super::{Error, Status, grey};
@@ -20,12 +20,13 @@ const BRIGHT: f64 = 0.9;
 /// Prints what is known of the scene in `path`.
 pub(super) fn run(path: &Path) -> Result<Status, Error> {
     let scene = scene::read::read_file(path)?;
-    let surfaces = scene::surfaces(&scene);
+    let cut = scene::cut(&scene);
+    let surfaces = &cut.surfaces;
     let mut text = describe(&scene);
-    for problem in problems(&scene, &surfaces) {
+    for problem in problems(&scene, surfaces) {
         let _ = writeln!(text, "problem    {problem}");
     }
-    for line in plan(&scene, &surfaces) {
+    for line in plan(&scene, &cut) {
         let _ = writeln!(text, "plan       {line}");
     }
     // A reader that has gone away is not an error.
@@ -50,7 +51,8 @@ fn problems(scene: &Scene, surfaces: &[Surface]) -> Vec<String> {
 }
 
 /// What `wrad solve` will do, a line per decision.
-fn plan(scene: &Scene, surfaces: &[Surface]) -> Vec<String> {
+fn plan(scene: &Scene, cut: &Cut) -> Vec<String> {
+    let surfaces = &cut.surfaces[..];
     if surfaces.is_empty() {
         return Vec::new();
     }
@@ -62,6 +64,7 @@ fn plan(scene: &Scene, surfaces: &[Surface]) -> Vec<String> {
             of(one_sided, scene.faces.len(), "face")
         ));
     }
+    lines.extend(contacts(cut));
     lines.push(behind(scene, surfaces));
     lines.push(match nothing_between(scene) {
         true => "visibility: no rays: the scene is convex, nothing can stand in between".to_owned(),
@@ -106,6 +109,20 @@ fn interreflection(surfaces: &[Surface]) -> String {
             of(black, surfaces.len(), "surface")
         ),
     }
+}
+
+/// What became of the sides that other faces stand on.
+fn contacts(cut: &Cut) -> Option<String> {
+    let mut facts = Vec::new();
+    if cut.cut_sides > 0 {
+        let sides = plural(cut.cut_sides, "lit side");
+        facts.push(format!("{sides} cut along the lines on which other faces stand"));
+    }
+    if cut.covered > 0 {
+        facts
+            .push(format!("{} without surface: something stands on it", plural(cut.covered, "covered part")));
+    }
+    (!facts.is_empty()).then(|| format!("contacts: {}", facts.join("; ")))
 }
 
 /// How many pairs of surfaces cannot exchange light because one lies behind the other.

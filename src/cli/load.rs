@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use glam::{DVec2, DVec3};
 
-use crate::scene::{self, Scene, Surface};
+use crate::scene::{self, OfFaces, Scene, Surface};
 use crate::visibility::{Bvh, Occluder, OpaqueFaces};
 
 use super::Error;
@@ -51,18 +51,15 @@ impl Loaded {
     }
 }
 
-/// Rays into a scene for [`crate::output::image`]: the nearest face, as its front surface.
+/// Rays into a scene for [`crate::output::image`]: the nearest face, as a surface of its front if it has one.
 pub(super) fn caster<'a>(
     surfaces: &'a [Surface],
     occluder: &'a dyn Occluder,
 ) -> impl Fn(DVec3, DVec3) -> Option<(u32, DVec2)> + Sync + 'a {
-    let mut front = vec![None; occluder.faces().len()];
-    for (index, surface) in surfaces.iter().enumerate() {
-        front[surface.face as usize].get_or_insert(index as u32);
-    }
+    let of_faces = OfFaces::new(surfaces);
     move |origin, direction| {
         let (face, distance) = occluder.first_hit(origin, direction)?;
-        let index = front[face as usize]?;
-        Some((index, surfaces[index as usize].frame.uv(origin + distance * direction)))
+        let point = origin + distance * direction;
+        of_faces.at(face, false, point).or_else(|| of_faces.at(face, true, point))
     }
 }

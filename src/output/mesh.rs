@@ -227,6 +227,26 @@ mod tests {
     }
 
     #[test]
+    fn so_are_faces_in_parts() {
+        let at = |i: usize, z: f64| {
+            let corners = [[1.1, 0.4], [2.3, 0.9], [1.8, 2.1], [0.6, 1.6]];
+            [corners[i % 4][0], corners[i % 4][1], z]
+        };
+        let walls: Vec<[[f64; 3]; 4]> =
+            (0..4).map(|i| [at(i, 0.0), at(i + 1, 0.0), at(i + 1, 1.0), at(i, 1.0)]).collect();
+        let floor = [[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [4.0, 3.0, 0.0], [0.0, 3.0, 0.0]];
+        let mut polygons: Vec<(&[[f64; 3]], u32)> = vec![(&floor, 0)];
+        polygons.extend(walls.iter().map(|wall| (&wall[..], 0)));
+        for basis in [Basis::Haar, Basis::M2, Basis::M3] {
+            let scene = rooms::scene("contact", &polygons, &[([0.5; 3], [0.0; 3])]);
+            let surfaces = crate::scene::surfaces(&scene);
+            let solution = rooms::on_surfaces(scene, surfaces, basis, 6, &mut rooms::Random(3));
+            assert_eq!(solution.surfaces.iter().filter(|surface| surface.face == 0).count(), 2);
+            check(&solution);
+        }
+    }
+
+    #[test]
     fn vertices_carry_the_function_and_normals_the_front() {
         let solution = rooms::gallery(Basis::M3, 6, 1);
         let mesh = Mesh::new(&solution).unwrap();

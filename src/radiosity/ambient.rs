@@ -20,7 +20,7 @@ pub fn add_ambient<const N: usize>(trees: &mut [Tree<N>], shot_w: &[f64; N]) {
         }
     }
     let scale: [f64; N] = std::array::from_fn(|n| {
-        if shot_w[n] <= 0.0 || indirect_w[n] <= 0.0 || unshot_w[n] <= 0.0 {
+        if shot_w[n] <= 0.0 || indirect_w[n] <= 0.0 {
             return 0.0;
         }
         let captured = (indirect_w[n] / shot_w[n]).min(1.0);

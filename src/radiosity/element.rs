@@ -5,7 +5,7 @@
 
 use crate::math::basis::MAX_FUNCTIONS;
 use crate::math::{Basis, Split};
-use crate::transport::{PacketNode, Receiver, Shape};
+use crate::transport::{Detail, PacketNode, Receiver, Shape};
 
 /// An element with its subtree; an owned handle that may move between threads.
 #[derive(Clone, Debug)]
@@ -71,6 +71,65 @@ impl<const N: usize> Element<N> {
         }
     }
 
+    /// Whether any coefficient of the element itself differs from zero.
+    pub fn is_lit(&self) -> bool {
+        self.irradiance.iter().flatten().any(|e| *e != 0.0)
+    }
+
+    /// Marks all irradiance of the subtree as unshot.
+    pub fn unshoot(&mut self) {
+        self.unshot.copy_from_slice(&self.irradiance);
+        for child in self.children.iter_mut().flat_map(|(_, children)| children) {
+            child.unshoot();
+        }
+    }
+
+    /// Darkens the subtree, with what it held as unshot debt: what arrives from now on is measured against it.
+    pub fn restart(&mut self) {
+        for (unshot, irradiance) in self.unshot.iter_mut().zip(&mut self.irradiance) {
+            *unshot = irradiance.map(|e| -e);
+            *irradiance = [0.0; N];
+        }
+        for child in self.children.iter_mut().flat_map(|(_, children)| children) {
+            child.restart();
+        }
+    }
+
+    /// Pulls the unshot irradiance of the subtree, `inherited` from above included, into `pulled`; returns the mean square of what the
+    /// levels below leave out, each level at a quarter of the one above it: detail acts as far as its size.
+    pub fn pull_unshot(
+        &self,
+        basis: Basis,
+        inherited: &[[f64; N]; MAX_FUNCTIONS],
+        pulled: &mut [[f64; N]; MAX_FUNCTIONS],
+    ) -> f64 {
+        let mut own = *inherited;
+        add(&mut own, &self.unshot);
+        let Some((split, children)) = &self.children else {
+            *pulled = own;
+            return 0.0;
+        };
+        let mut parts = [[[0.0; N]; MAX_FUNCTIONS]; 4];
+        let mut sum = 0.0;
+        *pulled = [[0.0; N]; MAX_FUNCTIONS];
+        for (index, child) in children.iter().enumerate() {
+            let mut pushed = [[0.0; N]; MAX_FUNCTIONS];
+            basis.push(*split, index, &own, &mut pushed);
+            if child.shape == Shape::Outside {
+                parts[index] = pushed;
+            } else {
+                sum += child.pull_unshot(basis, &pushed, &mut parts[index]);
+            }
+            basis.pull_add(*split, index, &parts[index], pulled);
+        }
+        for (index, _) in children.iter().enumerate().filter(|(_, c)| c.shape != Shape::Outside) {
+            let mut coarse = [[0.0; N]; MAX_FUNCTIONS];
+            basis.push(*split, index, pulled, &mut coarse);
+            sum += square_distance(&coarse, &parts[index]);
+        }
+        0.25 * sum / children.len() as f64
+    }
+
     /// Takes the unshot irradiance of the subtree as radiosity (times `reflectance`) into packet node `slot`, leaving none behind.
     /// Levels whose detail is at most `prune_w_m2` are left out.
     pub fn take_unshot(
@@ -90,11 +149,12 @@ impl<const N: usize> Element<N> {
             *unshot = [0.0; N];
         }
         let Some((split, children)) = &mut self.children else {
-            nodes[slot] = PacketNode { coefficients: own, detail_w_m2: 0.0, children: None };
+            nodes[slot] = PacketNode { coefficients: own, detail: Detail::default(), children: None };
             return;
         };
         let first = nodes.len();
-        let blank = PacketNode { coefficients: [[0.0; N]; MAX_FUNCTIONS], detail_w_m2: 0.0, children: None };
+        let blank =
+            PacketNode { coefficients: [[0.0; N]; MAX_FUNCTIONS], detail: Detail::default(), children: None };
         nodes.resize(first + children.len(), blank);
         for (index, child) in children.iter_mut().enumerate() {
             let mut pushed = [[0.0; N]; MAX_FUNCTIONS];
@@ -106,10 +166,10 @@ impl<const N: usize> Element<N> {
             }
         }
         pull(basis, *split, nodes, slot, first, |index| children[index].shape == Shape::Outside);
-        if nodes[slot].detail_w_m2 <= prune_w_m2 {
+        if nodes[slot].detail.rms_w_m2 <= prune_w_m2 {
             nodes.truncate(first);
             nodes[slot].children = None;
-            nodes[slot].detail_w_m2 = 0.0;
+            nodes[slot].detail = Detail::default();
         }
     }
 }
@@ -128,15 +188,19 @@ pub(super) fn pull<const N: usize>(
     for index in 0..count {
         basis.pull_add(split, index, &nodes[first + index].coefficients, &mut pulled);
     }
-    let mut detail = 0.0f64;
+    let mut detail = Detail::default();
     for index in (0..count).filter(|index| !outside(*index)) {
         let mut coarse = [[0.0; N]; MAX_FUNCTIONS];
         basis.push(split, index, &pulled, &mut coarse);
         let node = &nodes[first + index];
-        detail = detail.max(distance(&coarse, &node.coefficients) + node.detail_w_m2);
+        let square = square_distance(&coarse, &node.coefficients);
+        // The maximum of a linear function is √3 times its RMS.
+        detail.max_w_m2 = detail.max_w_m2.max((3.0 * square).sqrt() + node.detail.max_w_m2);
+        // What the levels leave out is orthogonal: squares add up.
+        detail.rms_w_m2 += (square + node.detail.rms_w_m2.powi(2)) / count as f64;
     }
-    nodes[slot] =
-        PacketNode { coefficients: pulled, detail_w_m2: detail, children: Some((split, first as u32)) };
+    detail.rms_w_m2 = detail.rms_w_m2.sqrt();
+    nodes[slot] = PacketNode { coefficients: pulled, detail, children: Some((split, first as u32)) };
 }
 
 impl<const N: usize> Receiver<N> for Element<N> {
@@ -176,8 +240,7 @@ fn add<const N: usize>(sum: &mut [[f64; N]], more: &[[f64; N]]) {
     }
 }
 
-/// Norm of the difference of two functions over a cell, times √3 (the maximum of a linear function over its RMS).
-fn distance<const N: usize>(a: &[[f64; N]; MAX_FUNCTIONS], b: &[[f64; N]; MAX_FUNCTIONS]) -> f64 {
-    let sum: f64 = a.iter().flatten().zip(b.iter().flatten()).map(|(x, y)| (x - y) * (x - y)).sum();
-    (3.0 * sum).sqrt()
+/// Mean square of the difference of two functions over a cell, all bands.
+fn square_distance<const N: usize>(a: &[[f64; N]; MAX_FUNCTIONS], b: &[[f64; N]; MAX_FUNCTIONS]) -> f64 {
+    a.iter().flatten().zip(b.iter().flatten()).map(|(x, y)| (x - y) * (x - y)).sum()
 }

@@ -11,7 +11,7 @@ use crate::math::basis::MAX_FUNCTIONS;
 use crate::math::{Basis, polygon};
 use crate::transport::gather::{Candidates, Points, Tolerance};
 use crate::transport::lamp::Lamp;
-use crate::transport::{Packet, PacketNode, Scratch, Source};
+use crate::transport::{Detail, Packet, PacketNode, Scratch, Source};
 use crate::visibility::Occluder;
 
 /// How near to a surface a probe counts as on it, as a share of the scene's diameter.
@@ -89,9 +89,8 @@ impl<'a, const N: usize> Reader<'a, N> {
             let mut uv = surface.frame.uv(probe.position);
             let mut distance = height.abs();
             if !polygon::contains(&surface.outline, uv) {
-                let metres = |d: DVec2| (d.x * surface.frame.u + d.y * surface.frame.v).length_squared();
-                let near = polygon::nearest_on_boundary(&surface.outline, uv, metres);
-                distance = distance.hypot(metres(near - uv).sqrt());
+                let (near, beside) = surface.nearest_on_boundary(uv);
+                distance = distance.hypot(beside);
                 uv = near;
             }
             if distance <= self.reach_m && best.is_none_or(|(least, ..)| distance < least) {
@@ -141,7 +140,8 @@ impl<'a, const N: usize> Reader<'a, N> {
 /// The radiosity `M + ρE` of one surface as a packet.
 fn radiosity_packet<const N: usize>(solution: &Solution, index: usize) -> Packet<N> {
     let (surface, field) = (&solution.surfaces[index], &solution.fields[index]);
-    let blank = PacketNode { coefficients: [[0.0; N]; MAX_FUNCTIONS], detail_w_m2: 0.0, children: None };
+    let blank =
+        PacketNode { coefficients: [[0.0; N]; MAX_FUNCTIONS], detail: Detail::default(), children: None };
     let mut nodes = vec![blank];
     let builder = Builder { solution, index, field };
     builder.fill(0, &mut nodes, 0);

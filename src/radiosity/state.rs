@@ -3,7 +3,7 @@
 use crate::math::Basis;
 use crate::math::basis::MAX_FUNCTIONS;
 use crate::scene::{Scene, Surface};
-use crate::transport::{Packet, PacketNode, Patch, Shape};
+use crate::transport::{Detail, Packet, PacketNode, Patch, Shape};
 
 use super::element::Element;
 use super::solution::{Field, Node};
@@ -48,18 +48,41 @@ impl<const N: usize> Tree<N> {
     pub fn exitance_packet(&self) -> Packet<N> {
         let mut coefficients = [[0.0; N]; MAX_FUNCTIONS];
         coefficients[0] = self.exitance_w_m2;
-        let nodes = vec![PacketNode { coefficients, detail_w_m2: 0.0, children: None }];
+        let nodes = vec![PacketNode { coefficients, detail: Detail::default(), children: None }];
         self.packet(Basis::Haar, nodes)
     }
 
     /// Takes what is unshot into a packet; nothing remains. Detail below `prune_w_m2` is averaged.
     pub fn take_packet(&mut self, prune_w_m2: f64) -> Packet<N> {
-        let blank = PacketNode { coefficients: [[0.0; N]; MAX_FUNCTIONS], detail_w_m2: 0.0, children: None };
+        let blank =
+            PacketNode { coefficients: [[0.0; N]; MAX_FUNCTIONS], detail: Detail::default(), children: None };
         let mut nodes = vec![blank];
         let none = [[0.0; N]; MAX_FUNCTIONS];
         self.root.take_unshot(self.basis, &none, &self.patch.reflectance, prune_w_m2, &mut nodes, 0);
         self.unshot_w = 0.0;
         self.packet(self.basis, nodes)
+    }
+
+    /// Whether it holds any light.
+    pub fn is_lit(&self) -> bool {
+        self.root.leaves() > 1 || self.root.is_lit()
+    }
+
+    /// Darkens the tree for a better transport of the light it reflects by now, which is returned; what the new irradiance differs from
+    /// the old is unshot.
+    pub fn restart(&mut self, prune_w_m2: f64) -> Packet<N> {
+        self.root.unshoot();
+        let packet = self.take_packet(prune_w_m2);
+        self.root.restart();
+        packet
+    }
+
+    /// Measures the unshot power anew: sums of signed light that cancels are smaller than the sums of its parts.
+    pub fn measure_unshot(&mut self) {
+        let mut pulled = [[0.0; N]; MAX_FUNCTIONS];
+        let detail = self.root.pull_unshot(self.basis, &[[0.0; N]; MAX_FUNCTIONS], &mut pulled);
+        let brightest = self.patch.reflectance.iter().copied().fold(0.0, f64::max);
+        self.unshot_w = self.area_m2 * (self.patch.reflected_w_m2(&pulled) + brightest * detail.sqrt());
     }
 
     /// Power left to reflect per band in W, without the bound's allowance for what varies.

@@ -2,12 +2,14 @@
 //!
 //! A face that is a parallelogram is its own. Any other is enclosed by the smallest rectangle with a side
 //! along one of its edges: for a triangle that is twice its area, as small as a parallelogram can be; for
-//! concave faces it lines the elements up with an edge.
+//! concave faces it lines the elements up with an edge. A side on which other faces stand in closed loops
+//! becomes several surfaces, cut along the loops ([`super::contact`]); those that are covered are left out.
 
 use glam::{DVec2, DVec3};
 
+use super::contact::{Contact, Contacts};
 use super::planar::{Plane, diameter, plane};
-use super::{Face, Frame, Scene, Sides, Surface};
+use super::{Frame, Scene, Sides, Surface};
 use crate::math::polygon;
 
 /// Corners off the line of their neighbours by no more than this share of the diameter are dropped from the
@@ -19,34 +21,65 @@ const PARALLEL: f64 = 1e-6;
 /// the file's order.
 const SMALLER: f64 = 1e-9;
 
-/// The surfaces of a valid scene, in the order of its faces, front before back.
-pub fn surfaces(scene: &Scene) -> Vec<Surface> {
-    let mut surfaces = Vec::with_capacity(scene.faces.len() * 2);
-    for (index, face) in scene.faces.iter().enumerate() {
-        let Some(front) = front(scene, index, face) else { continue };
-        let back = (face.sides == Sides::Two).then(|| back_of(&front));
-        surfaces.push(front);
-        surfaces.extend(back);
-    }
-    surfaces
+/// The surfaces of a scene, and what became of its lit sides.
+#[derive(Clone, Debug, Default)]
+pub struct Cut {
+    /// In the order of the faces, front before back.
+    pub surfaces: Vec<Surface>,
+    /// Lit sides cut along the lines on which other faces stand.
+    pub cut_sides: usize,
+    /// Parts of lit sides, or whole ones, without surface because they are covered.
+    pub covered: usize,
 }
 
-fn front(scene: &Scene, index: usize, face: &Face) -> Option<Surface> {
-    let plane = plane(&face.vertices)?;
-    let corners = without_straight(&face.vertices, &plane);
+/// The surfaces of a valid scene, in the order of its faces, front before back.
+pub fn surfaces(scene: &Scene) -> Vec<Surface> {
+    cut(scene).surfaces
+}
+
+/// The surfaces of a valid scene and how its faces were cut.
+pub fn cut(scene: &Scene) -> Cut {
+    let contacts = Contacts::new(scene);
+    let mut cut = Cut { surfaces: Vec::with_capacity(scene.faces.len() * 2), ..Cut::default() };
+    for (index, face) in scene.faces.iter().enumerate() {
+        let Some(front) = front(scene, index, &face.vertices, None) else { continue };
+        let sides = if face.sides == Sides::Two { &[false, true][..] } else { &[false] };
+        for back in sides {
+            let turn = |surface: Surface| if *back { back_of(&surface) } else { surface };
+            match contacts.of(index, *back) {
+                Contact::None => cut.surfaces.push(turn(front.clone())),
+                Contact::Parts { lit, covered } => {
+                    cut.cut_sides += usize::from(lit.len() + covered > 1);
+                    cut.covered += covered;
+                    let whole = front.full.then_some(front.frame);
+                    let parts = lit.iter().filter_map(|part| self::front(scene, index, part, whole));
+                    cut.surfaces.extend(parts.map(turn));
+                }
+            }
+        }
+    }
+    cut
+}
+
+/// The front of a face, or of a part of one; `whole` is the parallelogram that the face is.
+fn front(scene: &Scene, index: usize, vertices: &[DVec3], whole: Option<Frame>) -> Option<Surface> {
+    let plane = plane(vertices)?;
+    let corners = without_straight(vertices, &plane);
     let (frame, outline, full) = match parallelogram(&corners, &plane) {
         Some(frame) => {
             let unit = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)].map(DVec2::from);
             (frame, unit.to_vec(), true)
         }
         None => {
-            let frame = rectangle(&corners, &plane)?;
+            let around = rectangle(&corners, &plane)?;
+            let frame = whole.filter(|whole| whole.area_m2 <= around.area_m2 * (1.0 + SMALLER));
+            let frame = frame.unwrap_or(around);
             let outline: Vec<DVec2> =
                 corners.iter().map(|p| frame.uv(*p).clamp(DVec2::ZERO, DVec2::ONE)).collect();
             (frame, outline, false)
         }
     };
-    let material = &scene.materials[face.material as usize];
+    let material = &scene.materials[scene.faces[index].material as usize];
     Some(Surface {
         face: index as u32,
         back: false,
@@ -223,7 +256,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::scene::Material;
+    use crate::scene::{Face, Material};
 
     fn scene(vertices: &[(f64, f64, f64)], sides: Sides) -> Scene {
         Scene {

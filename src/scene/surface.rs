@@ -4,6 +4,8 @@
 use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
+use crate::math::polygon;
+
 /// A parallelogram in space: `origin + a·u + b·v` for (a, b) in the unit square.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Frame {
@@ -34,7 +36,7 @@ impl Frame {
     }
 }
 
-/// One side of a face that takes part in the exchange of light.
+/// One side of a face that takes part in the exchange of light, or a part of it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Surface {
     /// Index into [`super::Scene::faces`].
@@ -53,4 +55,49 @@ pub struct Surface {
     pub reflectance: Vec<f64>,
     /// Emitted exitance per band in W/m².
     pub exitance_w_m2: Vec<f64>,
+}
+
+impl Surface {
+    /// The point of the polygon's boundary nearest to the parameters `uv`, and how far it is in metres.
+    pub fn nearest_on_boundary(&self, uv: DVec2) -> (DVec2, f64) {
+        let square_m2 = |d: DVec2| (d.x * self.frame.u + d.y * self.frame.v).length_squared();
+        let near = polygon::nearest_on_boundary(&self.outline, uv, square_m2);
+        (near, square_m2(near - uv).sqrt())
+    }
+}
+
+/// The surfaces of each face, to find the one at a point.
+pub struct OfFaces<'a> {
+    surfaces: &'a [Surface],
+    /// The fronts, then the backs of each face.
+    indices: Vec<[Vec<u32>; 2]>,
+}
+
+impl<'a> OfFaces<'a> {
+    /// Sorts surfaces by face.
+    pub fn new(surfaces: &'a [Surface]) -> OfFaces<'a> {
+        let faces = surfaces.iter().map(|surface| surface.face as usize + 1).max().unwrap_or(0);
+        let mut indices = vec![[Vec::new(), Vec::new()]; faces];
+        for (index, surface) in surfaces.iter().enumerate() {
+            indices[surface.face as usize][usize::from(surface.back)].push(index as u32);
+        }
+        OfFaces { surfaces, indices }
+    }
+
+    /// The surface of a side of a face that holds `point`, which lies on the face, and the parameters there;
+    /// the nearest where none holds it; `None` for a side without surfaces.
+    pub fn at(&self, face: u32, back: bool, point: DVec3) -> Option<(u32, DVec2)> {
+        let indices = &self.indices.get(face as usize)?[usize::from(back)];
+        let uv = |index: u32| self.surfaces[index as usize].frame.uv(point);
+        if let [only] = indices[..] {
+            return Some((only, uv(only)));
+        }
+        let holds = |index: &&u32| polygon::contains(&self.surfaces[**index as usize].outline, uv(**index));
+        if let Some(index) = indices.iter().find(holds) {
+            return Some((*index, uv(*index)));
+        }
+        let nearest = |index: &u32| (*index, self.surfaces[*index as usize].nearest_on_boundary(uv(*index)));
+        let nearest = indices.iter().map(nearest).min_by(|a, b| a.1.1.total_cmp(&b.1.1));
+        nearest.map(|(index, (uv, _))| (index, uv))
+    }
 }

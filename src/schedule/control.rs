@@ -109,6 +109,7 @@ struct Run<'a, const N: usize> {
 }
 
 /// A pass' trees with its error, both in W/m.
+#[derive(Clone)]
 struct Attempt<const N: usize> {
     trees: Vec<Tree<N>>,
     statistics: PassStatistics,
@@ -150,7 +151,8 @@ impl<'a, const N: usize> Run<'a, N> {
         let guess = self.guess_norm();
         let mut threshold = pilot_error * guess / (32.0 * (self.surfaces.len().max(1) as f64).powf(0.25));
         observer.pass(0);
-        let mut attempt = self.attempt(threshold, pilot_error * guess, observer);
+        let dark = trees::<N>(self.surfaces, self.options.basis);
+        let mut attempt = self.attempt(dark, threshold, pilot_error * guess, observer);
         work += attempt.work();
         let mut passes = 1;
         while passes <= MAX_PASSES && !attempt.statistics.interrupted {
@@ -171,8 +173,14 @@ impl<'a, const N: usize> Run<'a, N> {
                 threshold *= (0.92 * allowed / links).min(1.0).powf(1.0 / growth).max(1e-4);
             }
             observer.pass(passes);
-            attempt = self.attempt(threshold, target * attempt.norm, observer);
+            let finished = attempt.clone();
+            attempt = self.attempt(attempt.trees, threshold, target * attempt.norm, observer);
             work += attempt.work();
+            if attempt.statistics.interrupted {
+                // What an unfinished pass holds is worth less than the pass before it.
+                attempt = finished;
+                attempt.statistics.interrupted = true;
+            }
             passes += 1;
         }
         self.outcome(attempt, work, passes)
@@ -204,7 +212,13 @@ impl<'a, const N: usize> Run<'a, N> {
         (emitted + lamps) * self.gain.min(4.0) / self.area_m2.sqrt()
     }
 
-    fn attempt(&self, threshold_w_m: f64, allowed_w_m: f64, observer: &mut dyn Observer) -> Attempt<N> {
+    fn attempt(
+        &self,
+        mut trees: Vec<Tree<N>>,
+        threshold_w_m: f64,
+        allowed_w_m: f64,
+        observer: &mut dyn Observer,
+    ) -> Attempt<N> {
         let root_area = self.area_m2.sqrt();
         let rules = Rules {
             oracle: self.options.oracle,
@@ -221,7 +235,6 @@ impl<'a, const N: usize> Run<'a, N> {
             stop_w: UNSHOT_SHARE * allowed_w_m * root_area / (SPREAD * self.gain.max(1e-9)),
             prune_w_m2: 0.02 * allowed_w_m / root_area,
         };
-        let mut trees = trees::<N>(self.surfaces, self.options.basis);
         let statistics = pass.run(&mut trees, observer);
         let norm = trees.iter().map(Tree::reflected_norm_squared).sum::<f64>().sqrt();
         let squares = statistics.direct.error_squared + statistics.interreflection.error_squared;

@@ -49,18 +49,20 @@ pub struct PassStatistics {
 }
 
 impl<const N: usize> Pass<'_, N> {
-    /// Runs the pass on dark trees.
+    /// Runs the pass. Trees that hold light are taken as a first solution: every surface sends what it reflects by it once, and from
+    /// then on only what the new solution differs from the old.
     pub fn run(&self, trees: &mut [Tree<N>], observer: &mut dyn Observer) -> PassStatistics {
         let mut statistics = PassStatistics::default();
         let start = Instant::now();
         let mut scratch = Scratch::default();
+        let reflected: Vec<Packet<N>> =
+            trees.iter_mut().filter(|tree| tree.is_lit()).map(|tree| tree.restart(self.prune_w_m2)).collect();
         self.direct(trees, &mut scratch, &mut statistics, observer);
         statistics.direct = std::mem::take(&mut scratch.work);
         statistics.direct_s = start.elapsed().as_secs_f64();
-        statistics.first_reflection_w = unshot_w(trees);
         let start = Instant::now();
         if !self.direct_only {
-            self.interreflect(trees, &mut scratch, &mut statistics, observer);
+            self.interreflect(trees, &reflected, &mut scratch, &mut statistics, observer);
         }
         statistics.interreflection = scratch.work;
         statistics.interreflection_s = start.elapsed().as_secs_f64();
@@ -82,11 +84,11 @@ impl<const N: usize> Pass<'_, N> {
             .collect();
         let total = (emitters.len() + self.lamps.len()) as f64;
         for lamp in self.lamps {
-            self.shoot_all(lamp, trees, scratch, statistics, observer);
+            statistics.first_reflection_w += self.shoot_all(lamp, trees, scratch, statistics, observer);
             observer.progress(Stage::Direct, statistics.shots as f64 / total);
         }
         for packet in &emitters {
-            self.shoot_all(packet, trees, scratch, statistics, observer);
+            statistics.first_reflection_w += self.shoot_all(packet, trees, scratch, statistics, observer);
             observer.progress(Stage::Direct, statistics.shots as f64 / total);
         }
     }
@@ -94,15 +96,25 @@ impl<const N: usize> Pass<'_, N> {
     fn interreflect(
         &self,
         trees: &mut [Tree<N>],
+        reflected: &[Packet<N>],
         scratch: &mut Scratch,
         statistics: &mut PassStatistics,
         observer: &mut dyn Observer,
     ) {
-        let first = unshot_w(trees);
         let mut shot_w = [0.0; N];
         for tree in trees.iter_mut() {
             tree.indirect_w = [0.0; N];
         }
+        for packet in reflected {
+            for n in 0..N {
+                shot_w[n] += packet.nodes[0].coefficients[0][n] * trees[packet.surface as usize].area_m2;
+            }
+            self.shoot_all(packet, trees, scratch, statistics, observer);
+        }
+        if !reflected.is_empty() {
+            trees.iter_mut().for_each(Tree::measure_unshot);
+        }
+        let first = unshot_w(trees);
         loop {
             let left = unshot_w(trees);
             if left <= self.stop_w || statistics.interrupted {
@@ -129,13 +141,15 @@ impl<const N: usize> Pass<'_, N> {
         scratch: &mut Scratch,
         statistics: &mut PassStatistics,
         observer: &mut dyn Observer,
-    ) {
+    ) -> f64 {
+        let mut to_reflect_w = 0.0;
         for tree in trees.iter_mut() {
             if statistics.interrupted {
-                return;
+                return to_reflect_w;
             }
             let deposited = shoot(source, &tree.patch, &mut tree.root, self.occluder, self.rules, scratch);
             tree.unshot_w += deposited.to_reflect_w;
+            to_reflect_w += deposited.to_reflect_w;
             for n in 0..N {
                 tree.indirect_w[n] += deposited.received_w[n];
             }
@@ -143,6 +157,7 @@ impl<const N: usize> Pass<'_, N> {
         }
         statistics.shots += 1;
         statistics.batches += 1;
+        to_reflect_w
     }
 }
 

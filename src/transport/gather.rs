@@ -11,18 +11,19 @@ use glam::{DVec2, DVec3};
 
 use super::kernel::kernel;
 use super::lambert::form_factor;
-use super::packet::{EmitterCell, Packet, cell_corners};
+use super::packet::{Detail, EmitterCell, Packet, cell_corners};
 use super::pair::Scratch;
 use super::samples::MAX_SAMPLES;
-use super::unblocked::visible_share;
+use super::unblocked::visible_fragments;
 use crate::math::basis::{Basis, MAX_FUNCTIONS, legendre};
 use crate::math::polygon;
 use crate::math::quadrature::gauss;
+use crate::scene::Frame;
 use crate::visibility::{Occluder, OpaqueFaces, Shaft};
 
 /// Relative error of n × n Gauss quadrature over a cell of size s seen from distance d: `ERROR[n] (s/d)^(2n)`; fitted to the table
 /// of numerics §2, doubled for oblique pairs.
-const QUADRATURE_ERROR: [f64; 4] = [1.0, 1.0, 0.15, 0.03];
+const QUADRATURE_ERROR: [f64; 4] = [1.0, 5.0, 1.5, 0.5];
 
 /// Error of the singularity-subtracted rule per unit of radiosity variation and form factor (measured: numerics §4).
 const SUBTRACTION_ERROR: f64 = 0.02;
@@ -33,6 +34,9 @@ const UNANIMOUS_ERROR: [f64; 4] = [1.0, 0.3, 0.06, 0.02];
 
 /// Blockers times points from which on a shaft costs less than the ray tests it may save (measured).
 const WORTH_A_SHAFT: usize = 32;
+
+/// Error of the light of visible fragments per unit of radiosity variation and form factor, far from the cell and near it.
+const FRAGMENT_ERROR: [f64; 2] = [0.03, 0.1];
 
 /// The most convex blockers whose projections are followed exactly.
 const EXACT_PIECES: usize = 40;
@@ -99,8 +103,12 @@ pub struct Gather<'a, const N: usize> {
 
 /// How a cell's light is taken.
 struct How {
+    /// Gauss nodes per dimension of the quadrature.
+    nodes: usize,
     closed_form: bool,
     constant: bool,
+    /// Rays per dimension to judge visibility by; none where it is certain.
+    rays: usize,
     partial: Partial,
     /// Whether even a unanimous vote of the rays leaves too much in doubt.
     doubt: bool,
@@ -117,11 +125,13 @@ enum Partial {
     Divide,
 }
 
-/// Geometry of an emitter cell as seen from the bundle.
+/// An emitter cell as seen from a point.
 struct View {
-    /// Longest side over distance from the bundle to the cell's middle.
+    /// Longest side over distance to the cell's middle.
     ratio: f64,
-    /// Estimate, on the safe side, of the form factor from any point of the bundle.
+    /// Longest side over distance to the cell.
+    nearest: f64,
+    /// Estimate, on the safe side, of the form factor.
     form_factor: f64,
 }
 
@@ -148,118 +158,143 @@ impl<'a, const N: usize> Gather<'a, N> {
     }
 
     fn visit(&mut self, emitter: &EmitterCell<N>, active: u32, candidates: Candidates, tolerance: Tolerance) {
-        let Some(view) = self.view(emitter) else { return };
-        let (mean, variation) = strength(&emitter.coefficients);
-        let detail = emitter.node.map_or(0.0, |n| {
-            let node = &self.packet.nodes[n as usize];
-            if node.children.is_some() { node.detail_w_m2 } else { 0.0 }
-        });
-        let estimate = (mean + variation) * view.form_factor;
-        let allowed = (tolerance.relative * estimate).max(tolerance.absolute_w_m2);
-        // Details have vanishing moments: far away they fade with the kernel's derivatives.
-        let fade = view.ratio.min(1.0).powi(self.packet.basis.order() as i32);
-        if detail * view.form_factor * fade > 0.5 * allowed {
-            return self.divide(emitter, active, candidates, tolerance);
+        let geometry = Geometry::new(&self.packet.frame, emitter);
+        if geometry.faces_away(self.points.normal, self.centre, self.radius) {
+            return;
         }
-        let constant = variation * view.form_factor <= 0.1 * allowed;
-        let smooth = (if constant { 1 } else { self.packet.basis.order().max(2) }..=3)
-            .find(|n| QUADRATURE_ERROR[*n] * view.ratio.powi(2 * *n as i32) * estimate <= 0.5 * allowed);
-        let splittable = emitter.virtual_depth < MAX_VIRTUAL_DEPTH;
-        let subtraction_error = SUBTRACTION_ERROR * variation * view.form_factor;
-        if smooth.is_none() && !constant && splittable && subtraction_error > 0.5 * allowed {
-            return self.divide(emitter, active, candidates, tolerance);
-        }
-        let least = smooth.unwrap_or(if constant { 1 } else { 3 });
-        let n = if candidates == Candidates::Free {
-            least
-        } else {
-            // Enough rays that a unanimous vote is safe to believe.
-            (least..3).find(|n| UNANIMOUS_ERROR[*n] * estimate <= tolerance.absolute_w_m2).unwrap_or(3)
-        };
-        let nodes = Nodes::new(self.packet, emitter, n);
-        let how = How {
-            closed_form: smooth.is_none(),
-            constant,
-            partial: self.partial(
-                candidates,
-                tolerance,
-                n,
-                estimate,
-                variation * view.form_factor,
-                splittable,
-            ),
-            doubt: UNANIMOUS_ERROR[n] * estimate > tolerance.absolute_w_m2,
-        };
-        let mixed = self.take(emitter, &nodes, active, candidates, &how);
-        if mixed != 0 {
-            self.divide(emitter, mixed, candidates, tolerance);
-        }
-    }
-
-    /// What to do where a cell is seen in part.
-    fn partial(
-        &self,
-        candidates: Candidates,
-        tolerance: Tolerance,
-        n: usize,
-        estimate: f64,
-        variation: f64,
-        splittable: bool,
-    ) -> Partial {
-        if MIXED_ERROR[n] * estimate <= tolerance.absolute_w_m2 {
-            return Partial::Rays;
-        }
-        if let Candidates::List(start, end) = candidates
-            && (MIXED_ERROR[n] * variation <= tolerance.absolute_w_m2 || !splittable)
-        {
-            let faces = self.occluder.faces();
-            let list = &self.scratch.candidates[start..end];
-            if list.iter().map(|f| faces.piece_count(*f)).sum::<usize>() <= EXACT_PIECES {
-                return Partial::Exact;
-            }
-        }
-        if splittable { Partial::Divide } else { Partial::Rays }
-    }
-
-    /// Adds the cell's light to the points of `active`; returns the points left out because the cell must be divided for them.
-    fn take(
-        &mut self,
-        emitter: &EmitterCell<N>,
-        nodes: &Nodes<N>,
-        active: u32,
-        candidates: Candidates,
-        how: &How,
-    ) -> u32 {
-        let all = (1u32 << nodes.count) - 1;
-        let mut left = 0;
+        let mut nodes = [const { None }; 4];
+        let mut divided = 0;
         for p in points_of(active) {
             let x = self.points.position[p];
-            if candidates == Candidates::Free {
-                let light = self.light(x, emitter, nodes, all, how);
-                self.add(p, &light);
-                continue;
+            let Some(view) = geometry.view(self.points.normal, x) else { continue };
+            match self.judge(emitter, &view, candidates, tolerance) {
+                Some(how) if self.take(p, emitter, &mut nodes, candidates, &how) => {}
+                _ => divided |= 1 << p,
             }
-            let visible = self.trace(p, nodes, candidates);
-            let unanimous = visible == 0 || visible == all;
-            let light = match how.partial {
-                Partial::Exact if !unanimous || how.doubt => match self.share(p, emitter, candidates) {
-                    Some(share) => self.shared_light(x, emitter, nodes, visible, share, how),
-                    None => {
-                        left |= 1 << p;
-                        continue;
-                    }
-                },
-                Partial::Divide if !unanimous => {
-                    left |= 1 << p;
-                    continue;
-                }
-                _ => self.light(x, emitter, nodes, visible, how),
+        }
+        if divided != 0 {
+            self.divide(emitter, divided, candidates, tolerance);
+        }
+    }
+
+    /// How a point with this view takes the cell's light; `None` where it must be divided.
+    fn judge(
+        &self,
+        emitter: &EmitterCell<N>,
+        view: &View,
+        candidates: Candidates,
+        tolerance: Tolerance,
+    ) -> Option<How> {
+        let (mean, variation) = strength(&emitter.coefficients);
+        let order = self.packet.basis.order();
+        let detail = emitter.node.map_or(Detail::default(), |n| self.packet.nodes[n as usize].detail);
+        let estimate = (mean + variation) * view.form_factor;
+        let variation = variation * view.form_factor;
+        let allowed = (tolerance.relative * estimate).max(tolerance.absolute_w_m2);
+        if detail.seen_w_m2(view.nearest, order) * view.form_factor > 0.5 * allowed {
+            return None;
+        }
+        let constant = variation <= 0.1 * allowed;
+        let smooth = (if constant { 1 } else { order.max(2) }..=3)
+            .find(|n| QUADRATURE_ERROR[*n] * view.ratio.powi(2 * *n as i32) * estimate <= 0.5 * allowed);
+        let splittable = emitter.virtual_depth < MAX_VIRTUAL_DEPTH;
+        if smooth.is_none() && !constant && splittable && SUBTRACTION_ERROR * variation > 0.5 * allowed {
+            return None;
+        }
+        let nodes = smooth.unwrap_or(if constant { 1 } else { 3 });
+        let how = How {
+            nodes,
+            closed_form: smooth.is_none(),
+            constant,
+            rays: 0,
+            partial: Partial::Rays,
+            doubt: false,
+        };
+        if candidates == Candidates::Free {
+            return Some(how);
+        }
+        // Where a shadow's edge crosses the cell, its detail does not fade: it may well have that edge too, and then all such cells
+        // err to the same side.
+        let edged = detail.rms_w_m2 * view.form_factor > 0.05 * tolerance.absolute_w_m2;
+        // Enough rays that a unanimous vote is safe to believe.
+        let enough =
+            (1 + edged as usize..=3).find(|n| UNANIMOUS_ERROR[*n] * estimate <= tolerance.absolute_w_m2);
+        let rays = enough.unwrap_or(3);
+        let partial = if edged {
+            Partial::Divide
+        } else if MIXED_ERROR[rays] * estimate <= tolerance.absolute_w_m2 {
+            Partial::Rays
+        } else if self.is_traceable(candidates)
+            && (FRAGMENT_ERROR[how.closed_form as usize] * variation <= tolerance.absolute_w_m2
+                || !splittable)
+        {
+            Partial::Exact
+        } else if splittable {
+            Partial::Divide
+        } else {
+            Partial::Rays
+        };
+        Some(How { rays, partial, doubt: enough.is_none(), ..how })
+    }
+
+    /// Whether the candidates are few enough to follow what each of them leaves visible.
+    fn is_traceable(&self, candidates: Candidates) -> bool {
+        let Candidates::List(start, end) = candidates else { return false };
+        let faces = self.occluder.faces();
+        let list = &self.scratch.candidates[start..end];
+        list.iter().map(|f| faces.piece_count(*f)).sum::<usize>() <= EXACT_PIECES
+    }
+
+    /// Adds the cell's light to point `p`; `false` where the cell must be divided for it after all.
+    fn take(
+        &mut self,
+        p: usize,
+        emitter: &EmitterCell<N>,
+        nodes: &mut [Option<Nodes<N>>; 4],
+        candidates: Candidates,
+        how: &How,
+    ) -> bool {
+        let packet = self.packet;
+        let mut need = |n: usize| {
+            if nodes[n].is_none() {
+                nodes[n] = Some(Nodes::new(packet, emitter, n));
+            }
+        };
+        need(how.nodes);
+        if how.rays > 0 {
+            need(how.rays);
+        }
+        let Some(quadrature) = &nodes[how.nodes] else { return false };
+        let x = self.points.position[p];
+        if how.rays == 0 {
+            let light = self.light(x, emitter, quadrature, how.closed_form, how.constant);
+            self.add(p, &light);
+            return true;
+        }
+        let Some(targets) = &nodes[how.rays] else { return false };
+        let all = (1u32 << targets.count) - 1;
+        let visible = self.trace(p, targets, candidates);
+        let unanimous = visible == 0 || visible == all;
+        if how.partial == Partial::Divide && !unanimous {
+            return false;
+        }
+        if how.partial == Partial::Exact && (!unanimous || how.doubt) {
+            let Some((light, unoccluded)) = self.fragments_light(p, emitter, candidates, how.constant) else {
+                return false;
             };
             self.add(p, &light);
-            let unoccluded = if visible == 0 { self.far(x, nodes, !0) } else { light };
-            self.uncertain[p] += norm(&unoccluded);
+            self.uncertain[p] += unoccluded;
+            return true;
         }
-        left
+        let light = self.light(x, emitter, quadrature, how.closed_form, how.constant);
+        self.uncertain[p] += norm(&light);
+        if visible == all {
+            self.add(p, &light);
+        } else if visible != 0 {
+            let share = self.visible_share(x, targets, visible);
+            self.add(p, &std::array::from_fn(|n| share[n] * light[n]));
+        }
+        true
     }
 
     fn add(&mut self, p: usize, light: &[f64; N]) {
@@ -268,126 +303,131 @@ impl<'a, const N: usize> Gather<'a, N> {
         }
     }
 
+    /// The light of a whole cell.
     fn light(
         &mut self,
         x: DVec3,
         emitter: &EmitterCell<N>,
         nodes: &Nodes<N>,
-        visible: u32,
-        how: &How,
+        closed_form: bool,
+        constant: bool,
     ) -> [f64; N] {
-        if how.closed_form {
-            self.near(x, emitter, nodes, visible, how.constant)
-        } else {
-            self.far(x, nodes, visible)
-        }
+        if closed_form { self.near(x, emitter, nodes, constant) } else { self.far(x, nodes) }
     }
 
-    /// The exact share of the cell's form factor that point `p` sees.
-    fn share(&mut self, p: usize, emitter: &EmitterCell<N>, candidates: Candidates) -> Option<f64> {
+    /// The light of a cell seen in part by point `p`, from the fragments that its blockers leave, and the norm of the whole cell's light.
+    /// Each fragment: its form factor times the radiosity at its middle as the kernel weighs it, and what varies about that by quadrature.
+    fn fragments_light(
+        &mut self,
+        p: usize,
+        emitter: &EmitterCell<N>,
+        candidates: Candidates,
+        constant: bool,
+    ) -> Option<([f64; N], f64)> {
         let Candidates::List(start, end) = candidates else { return None };
         let faces = self.occluder.faces();
         self.scratch.work.exact_visibilities += 1;
-        visible_share(
-            self.points.eye[p],
-            self.points.normal,
+        let (eye, n_x, n_y) = (self.points.eye[p], self.points.normal, self.packet.frame.normal);
+        let visible = visible_fragments(
+            eye,
+            n_x,
             emitter.corners(&self.packet.frame),
-            self.packet.frame.normal,
+            n_y,
             self.scratch.candidates[start..end].iter().flat_map(|f| faces.pieces(*f)),
             &mut self.scratch.fragments,
-        )
-    }
-
-    /// The light of a cell seen in part: its mean by the exact share, the rest by the nodes that are seen.
-    fn shared_light(
-        &mut self,
-        x: DVec3,
-        emitter: &EmitterCell<N>,
-        nodes: &Nodes<N>,
-        visible: u32,
-        share: f64,
-        how: &How,
-    ) -> [f64; N] {
-        let (n_x, n_y) = (self.points.normal, self.packet.frame.normal);
-        self.scratch.work.lambert_evaluations += 1;
-        let factor = form_factor(x, n_x, emitter.corners(&self.packet.frame));
-        let mean = emitter.coefficients[0];
-        let mut light = mean.map(|c| c * factor * share);
-        if !how.constant {
-            for q in (0..nodes.count).filter(|q| visible & (1 << q) != 0) {
-                let k = kernel(x, n_x, nodes.position[q], n_y);
+        )?;
+        let x = self.points.position[p];
+        let shift = eye - x;
+        self.scratch.work.lambert_evaluations += 1 + visible.len() as u64;
+        let whole = form_factor(x, n_x, emitter.corners(&self.packet.frame));
+        let mut light = [0.0; N];
+        let radiosity = |y: DVec3| {
+            let local = emitter.cell.to_local(self.packet.frame.uv(x + y)).clamp(DVec2::ZERO, DVec2::ONE);
+            value_at(self.packet.basis, &emitter.coefficients, local)
+        };
+        for fragment in visible {
+            // Relative to the point that the light falls on, which beyond a cut polygon's edge is not the eye.
+            let corners = fragment.corners();
+            let factor = form_factor(DVec3::ZERO, n_x, corners.iter().map(|c| *c + shift));
+            if constant {
                 for n in 0..N {
-                    light[n] += k * (nodes.weighted[q][n] - nodes.area[q] * mean[n]);
+                    light[n] += factor * emitter.coefficients[0][n];
+                }
+                continue;
+            }
+            let triangles = || {
+                (1..corners.len() - 1).map(|i| {
+                    let (a, b, c) = (corners[0] + shift, corners[i] + shift, corners[i + 1] + shift);
+                    let middle = (a + b + c) / 3.0;
+                    (middle, kernel(DVec3::ZERO, n_x, middle, n_y) * 0.5 * (b - a).cross(c - a).dot(n_y))
+                })
+            };
+            let (middle, weight) = triangles().fold((DVec3::ZERO, 0.0), |(m, w), (y, k)| (m + y * k, w + k));
+            if weight <= 0.0 {
+                continue;
+            }
+            let mean = radiosity(middle / weight);
+            for n in 0..N {
+                light[n] += factor * mean[n];
+            }
+            for (y, k) in triangles() {
+                let value = radiosity(y);
+                for n in 0..N {
+                    light[n] += k * (value[n] - mean[n]);
                 }
             }
         }
-        light
+        Some((light, whole * norm(&emitter.coefficients[0])))
     }
 
-    /// Product quadrature over the visible nodes.
-    fn far(&mut self, x: DVec3, nodes: &Nodes<N>, visible: u32) -> [f64; N] {
+    /// The share of a cell's light per band that the rays to these of its nodes find unblocked.
+    fn visible_share(&self, x: DVec3, targets: &Nodes<N>, visible: u32) -> [f64; N] {
+        let (mut seen, mut total) = ([0.0; N], [0.0; N]);
+        for q in 0..targets.count {
+            let k = kernel(x, self.points.normal, targets.position[q], self.packet.frame.normal);
+            for n in 0..N {
+                let light = k * targets.weighted[q][n].max(0.0);
+                total[n] += light;
+                if visible & (1 << q) != 0 {
+                    seen[n] += light;
+                }
+            }
+        }
+        let votes = visible.count_ones() as f64 / targets.count as f64;
+        std::array::from_fn(|n| if total[n] > 0.0 { seen[n] / total[n] } else { votes })
+    }
+
+    /// Product quadrature.
+    fn far(&mut self, x: DVec3, nodes: &Nodes<N>) -> [f64; N] {
         self.scratch.work.kernel_evaluations += nodes.count as u64;
         let mut sum = [0.0; N];
         for q in 0..nodes.count {
-            if visible & (1 << q) != 0 {
-                let k = kernel(x, self.points.normal, nodes.position[q], self.packet.frame.normal);
-                for n in 0..N {
-                    sum[n] += k * nodes.weighted[q][n];
-                }
+            let k = kernel(x, self.points.normal, nodes.position[q], self.packet.frame.normal);
+            for n in 0..N {
+                sum[n] += k * nodes.weighted[q][n];
             }
         }
         sum
     }
 
-    /// Lambert's closed form, with singularity subtraction where the radiosity varies, times the visible share of the cell's light.
-    fn near(
-        &mut self,
-        x: DVec3,
-        emitter: &EmitterCell<N>,
-        nodes: &Nodes<N>,
-        visible: u32,
-        constant: bool,
-    ) -> [f64; N] {
-        if visible == 0 {
-            return [0.0; N];
-        }
+    /// Lambert's closed form, with singularity subtraction where the radiosity varies.
+    fn near(&mut self, x: DVec3, emitter: &EmitterCell<N>, nodes: &Nodes<N>, constant: bool) -> [f64; N] {
         let (n_x, n_y) = (self.points.normal, self.packet.frame.normal);
         self.scratch.work.lambert_evaluations += 1;
         let factor = form_factor(x, n_x, emitter.corners(&self.packet.frame));
-        let all = (1u32 << nodes.count) - 1;
-        let mut light = [0.0; N];
         if constant {
-            light = emitter.coefficients[0].map(|c| c * factor);
-            if visible == all {
-                return light;
-            }
+            return emitter.coefficients[0].map(|c| c * factor);
         }
         self.scratch.work.kernel_evaluations += nodes.count as u64;
-        let nearest = if constant { [0.0; N] } else { self.nearest_radiosity(x, emitter) };
-        let (mut seen, mut total) = (0.0, 0.0);
-        let mut rest = [0.0; N];
+        let nearest = self.nearest_radiosity(x, emitter);
+        let mut light = nearest.map(|b| b * factor);
         for q in 0..nodes.count {
             let k = kernel(x, n_x, nodes.position[q], n_y);
-            let share = k * nodes.area[q].max(0.0);
-            total += share;
-            if visible & (1 << q) != 0 {
-                seen += share;
-            }
             for n in 0..N {
-                rest[n] += k * (nodes.weighted[q][n] - nodes.area[q] * nearest[n]);
+                light[n] += k * (nodes.weighted[q][n] - nodes.area[q] * nearest[n]);
             }
         }
-        if !constant {
-            for n in 0..N {
-                light[n] = nearest[n] * factor + rest[n];
-            }
-        }
-        let share = match visible == all {
-            true => 1.0,
-            false if total > 0.0 => seen / total,
-            false => visible.count_ones() as f64 / nodes.count as f64,
-        };
-        light.map(|l| l * share)
+        light
     }
 
     /// The emitter's radiosity at its point nearest to `x`.
@@ -472,31 +512,53 @@ impl<'a, const N: usize> Gather<'a, N> {
         let skip = [self.points.face, self.packet.face];
         narrow(self.occluder, &shaft, candidates, skip, self.points.hull, &corners, self.scratch)
     }
+}
 
-    /// `None` where no light can pass between the bundle and the cell.
-    fn view(&self, emitter: &EmitterCell<N>) -> Option<View> {
-        let frame = &self.packet.frame;
+/// Where an emitter cell lies.
+struct Geometry {
+    middle: DVec3,
+    normal: DVec3,
+    /// Half the longer diagonal, and the longer side.
+    half: f64,
+    size: f64,
+    area_m2: f64,
+}
+
+impl Geometry {
+    fn new<const N: usize>(frame: &Frame, emitter: &EmitterCell<N>) -> Self {
         let cell = &emitter.cell;
-        let middle = frame.point(cell.centre());
         let (u, v) = (frame.u * cell.size.x, frame.v * cell.size.y);
-        let half = 0.5 * (u + v).length().max((u - v).length());
-        let between = middle - self.centre;
-        let distance = between.length();
-        let above = -frame.normal.dot(between) + self.radius;
-        let ahead = self.points.normal.dot(between) + self.radius + half;
+        Self {
+            middle: frame.point(cell.centre()),
+            normal: frame.normal,
+            half: 0.5 * (u + v).length().max((u - v).length()),
+            size: u.length().max(v.length()),
+            area_m2: frame.area_m2 * cell.area(),
+        }
+    }
+
+    /// Whether no light can pass from the cell to a sphere with this normal.
+    fn faces_away(&self, normal: DVec3, centre: DVec3, radius: f64) -> bool {
+        let between = self.middle - centre;
+        radius <= self.normal.dot(between) || normal.dot(between) + radius + self.half <= 0.0
+    }
+
+    /// How a point sees the cell; `None` where no light can pass.
+    fn view(&self, normal: DVec3, x: DVec3) -> Option<View> {
+        let between = self.middle - x;
+        let above = -self.normal.dot(between);
+        let ahead = normal.dot(between) + self.half;
         if above <= 0.0 || ahead <= 0.0 {
             return None;
         }
-        let clear = (distance - self.radius).max(0.0);
-        let gap = (clear - half).max(0.0);
-        let area = frame.area_m2 * cell.area();
-        let cosine = |height: f64| if gap > 0.0 { (height / gap).min(1.0) } else { 1.0 };
-        let (cos_x, cos_y) = (cosine(ahead), cosine(above));
-        let square = std::f64::consts::PI * (0.5 * (clear * clear + gap * gap));
-        let size = u.length().max(v.length());
+        let distance = between.length();
+        let gap = (distance - self.half).max(above);
+        let (cos_x, cos_y) = ((ahead / gap).min(1.0), above / gap);
+        let square = std::f64::consts::PI * 0.5 * (distance * distance + gap * gap);
         Some(View {
-            ratio: if clear > 0.0 { size / clear } else { f64::INFINITY },
-            form_factor: (cos_x * cos_y * area / (square + area)).min(1.0),
+            ratio: self.size / distance,
+            nearest: self.size / gap,
+            form_factor: (cos_x * cos_y * self.area_m2 / (square + self.area_m2)).min(1.0),
         })
     }
 }

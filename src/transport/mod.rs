@@ -16,7 +16,7 @@ pub mod work;
 
 pub use gather::{Gather, Points};
 pub use lamp::Lamp;
-pub use packet::{Packet, PacketNode, Shape};
+pub use packet::{Detail, Packet, PacketNode, Shape};
 pub use pair::{Deposited, Oracle, Patch, Receiver, Rules, Scratch, Source, shoot};
 pub use samples::SampleRule;
 pub use work::Work;

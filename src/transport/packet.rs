@@ -26,13 +26,30 @@ pub struct Packet<const N: usize> {
     pub nodes: Vec<PacketNode<N>>,
 }
 
+/// How far the radiosity below a cell differs from the cell's polynomial, in W/m², all bands.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Detail {
+    /// RMS over the cell.
+    pub rms_w_m2: f64,
+    /// Bound on the largest difference.
+    pub max_w_m2: f64,
+}
+
+impl Detail {
+    /// The detail that counts for a bundle of points that sees the cell at `ratio` of its size to its distance. Near by the kernel picks
+    /// out a part of the cell; far away it is a polynomial itself and the detail's vanishing moments of this order make it fade.
+    pub fn seen_w_m2(&self, ratio: f64, order: usize) -> f64 {
+        (self.rms_w_m2 * ratio.max(1.0)).min(self.max_w_m2) * ratio.min(1.0).powi(order as i32)
+    }
+}
+
 /// One cell of a packet.
 #[derive(Clone, Debug)]
 pub struct PacketNode<const N: usize> {
     /// Coefficients of the unshot radiosity in W/m².
     pub coefficients: [[f64; N]; MAX_FUNCTIONS],
-    /// Bound on how far the radiosity anywhere below differs from this cell's polynomial, in W/m².
-    pub detail_w_m2: f64,
+    /// What this cell's polynomial leaves out.
+    pub detail: Detail,
     /// How it is divided and its first child's index.
     pub children: Option<(Split, u32)>,
 }

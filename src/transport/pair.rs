@@ -27,7 +27,8 @@ pub enum Oracle {
     Uniform(u8),
 }
 
-/// Share of an element's light that may be misjudged where all of its sample points agree on visibility but rays alone say so.
+/// Share of an element's light that may be misjudged where all of its sample points agree on visibility and a blocker as narrow as half
+/// the element may stand in between. It falls with the square of the element's size over the narrowest blocker's.
 const UNSEEN_SHADOW: f64 = 0.08;
 
 /// Share of the point tolerance in the link tolerance: noise of the points must not look like detail.
@@ -36,9 +37,11 @@ const POINT_SHARE: f64 = 0.6;
 /// Pairs that carry less than this share of the threshold are taken by one sample.
 const COARSE_SHARE: f64 = 0.5;
 
-/// Tolerances of the first look at an element, and of a pair that is taken by one sample.
-const FIRST_LOOK: f64 = 0.05;
+/// Tolerance of the first look at an element, and of a pair that is taken by one sample, as a share of the light.
 const COARSE: f64 = 0.25;
+
+/// How much sharper each further look is.
+const SHARPER: f64 = 0.2;
 
 /// Cells are not divided below this extent of the surface's parametrisation.
 const LEAST_EXTENT: f64 = 1.0 / (1 << 20) as f64;
@@ -94,6 +97,15 @@ impl<const N: usize> Patch<N> {
             reflectance: std::array::from_fn(|n| surface.reflectance[n]),
             corners: surface.outline.iter().map(|p| surface.frame.point(*p)).collect(),
         }
+    }
+}
+
+impl<const N: usize> Patch<N> {
+    /// Bound on the mean radiosity, all bands, that irradiance with these coefficients causes: `Σ ‖ρ b_l‖ ∫|φ_l|`.
+    pub fn reflected_w_m2(&self, light: &[[f64; N]; MAX_FUNCTIONS]) -> f64 {
+        // ∫|φ_l| is 1 for the mean and at most 0.87 for the others.
+        let reflected = |c: &[f64; N]| (0..N).map(|n| self.reflectance[n] * c[n].abs()).sum::<f64>();
+        reflected(&light[0]) + 0.87 * light[1..].iter().map(reflected).sum::<f64>()
     }
 }
 
@@ -178,7 +190,7 @@ impl<const N: usize> Source<N> for Packet<N> {
 
     fn strength(&self) -> f64 {
         let root = &self.nodes[0];
-        root.coefficients.iter().map(norm).sum::<f64>() + root.detail_w_m2
+        root.coefficients.iter().map(norm).sum::<f64>() + root.detail.rms_w_m2
     }
 
     fn gather(
@@ -321,10 +333,7 @@ impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
 
     fn deposit<R: Receiver<N>>(&mut self, receiver: &mut R, light: &[[f64; N]; MAX_FUNCTIONS], area_m2: f64) {
         receiver.deposit(light);
-        // ∫|φ_l| is 1 for the mean and at most 0.87 for the others.
-        let reflected = |c: &[f64; N]| (0..N).map(|n| self.patch.reflectance[n] * c[n].abs()).sum::<f64>();
-        let varying: f64 = light[1..].iter().map(reflected).sum();
-        self.deposited.to_reflect_w += area_m2 * (reflected(&light[0]) + 0.87 * varying);
+        self.deposited.to_reflect_w += area_m2 * self.patch.reflected_w_m2(light);
         for n in 0..N {
             self.deposited.received_w[n] += area_m2 * light[0][n];
         }
@@ -415,45 +424,57 @@ impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
         let middle = 0.25 * hull.iter().sum::<DVec3>();
         let radius = hull.iter().map(|p| p.distance(middle)).fold(0.0, f64::max);
         let estimate = self.source.estimate_w_m2(middle, radius, self.patch.frame.normal);
+        let hideable = self.hideable(cell, candidates);
         if candidates != Candidates::Free && !matches!(self.rules.oracle, Oracle::Uniform(_)) {
             let light = self.glance(&middle, estimate);
-            let unseen = 0.7 * self.weight * UNSEEN_SHADOW * light;
+            let unseen = 0.7 * self.weight * hideable * light;
             if area.sqrt() * unseen > self.threshold && cell.size.max_element() > LEAST_EXTENT {
                 return Some(self.longer_side(cell));
             }
         }
-        let relative = (0.5 * strict / estimate).clamp(FIRST_LOOK, COARSE);
-        let first = Tolerance { relative, absolute_w_m2: relative * estimate };
-        let mut tolerance = first;
+        let uniform = matches!(self.rules.oracle, Oracle::Uniform(_));
+        let indivisible = cell.size.max_element() <= LEAST_EXTENT;
+        let mut tolerance = Tolerance { relative: COARSE, absolute_w_m2: (COARSE * estimate).max(strict) };
         loop {
-            let look = self.look(&sampling, hull, candidates, tolerance, whole);
+            let mut look = self.look(&sampling, hull, candidates, tolerance, whole);
+            look.unseen *= hideable;
             let link_error = area.sqrt() * look.error;
-            let uniform = matches!(self.rules.oracle, Oracle::Uniform(_));
-            let indivisible = cell.size.max_element() <= LEAST_EXTENT;
-            let accepted =
-                uniform || indivisible || link_error.hypot(area.sqrt() * look.unseen) <= self.threshold;
+            let sharp = tolerance.absolute_w_m2.max(tolerance.relative * look.light) <= 1.001 * strict;
+            // What the look may be wrong by must not divide the element.
+            let noise = if sharp { 0.0 } else { weight * tolerance.absolute_w_m2 };
+            let accepted = uniform
+                || indivisible
+                || link_error.hypot(area.sqrt() * look.unseen) <= self.threshold + noise;
             if !accepted {
                 return Some(self.direction(cell, &look));
             }
-            let sharp = tolerance.absolute_w_m2 <= strict
-                && (tolerance.relative < relative || relative * look.light <= strict);
             if sharp {
                 self.scratch.work.interactions += 1;
                 self.scratch.work.error_squared += link_error * link_error;
                 self.deposit(receiver, &look.projected.coefficients, area);
                 return None;
             }
-            tolerance = Tolerance {
-                relative: (strict / look.light).clamp(1e-6, 0.99 * relative),
-                absolute_w_m2: strict.min(first.absolute_w_m2),
-            };
+            let absolute_w_m2 = (SHARPER * tolerance.absolute_w_m2.min(look.light)).max(strict);
+            tolerance =
+                Tolerance { relative: (absolute_w_m2 / look.light).clamp(1e-6, COARSE), absolute_w_m2 };
         }
+    }
+
+    /// Share of the light on an element that shadows between its sample points may take: narrow blockers cast narrow shadows.
+    fn hideable(&self, cell: &Cell, candidates: Candidates) -> f64 {
+        let Candidates::List(start, end) = candidates else { return UNSEEN_SHADOW };
+        let faces = self.occluder.faces();
+        let list = &self.scratch.candidates[start..end];
+        let narrowest = list.iter().map(|f| faces.width(*f)).fold(f64::INFINITY, f64::min);
+        let (u, v) = (self.patch.frame.u * cell.size.x, self.patch.frame.v * cell.size.y);
+        let half = 0.5 * u.length().max(v.length());
+        UNSEEN_SHADOW * (half / narrowest).min(1.0).powi(2)
     }
 
     /// The light that would fall on the middle of an element if nothing stood in between, roughly.
     fn glance(&mut self, middle: &DVec3, estimate: f64) -> f64 {
         let point = std::slice::from_ref(middle);
-        let tolerance = Tolerance { relative: 0.2, absolute_w_m2: FIRST_LOOK * estimate };
+        let tolerance = Tolerance { relative: 0.2, absolute_w_m2: 0.05 * estimate };
         let mut light = [[0.0; N]];
         self.gather(point, point, point, Candidates::Free, tolerance, &mut light, &mut [0.0]);
         norm(&light[0])
@@ -482,7 +503,7 @@ impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
         );
         let projected = self.rules.samples.project(&values[..n]);
         let error = self.residual(sampling, &projected, &values, whole);
-        let unseen = self.weight * UNSEEN_SHADOW * mean_square(&uncertain[..n], sampling.inside).sqrt();
+        let unseen = self.weight * mean_square(&uncertain[..n], sampling.inside).sqrt();
         let light = values[..n].iter().map(norm).fold(0.0, f64::max);
         Look { projected, error, unseen, light }
     }

@@ -5,8 +5,6 @@
 
 use glam::DVec3;
 
-use super::lambert::form_factor;
-
 /// Corners of a fragment, relative to the eye.
 const MAX_CORNERS: usize = 16;
 /// Fragments, at most; beyond them the caller samples instead.
@@ -21,7 +19,7 @@ pub struct Fragments {
 
 /// A polygon seen from the eye.
 #[derive(Clone, Copy, Debug)]
-struct Fragment {
+pub struct Fragment {
     count: usize,
     corners: [DVec3; MAX_CORNERS],
 }
@@ -41,7 +39,8 @@ impl Fragment {
         Some(())
     }
 
-    fn corners(&self) -> &[DVec3] {
+    /// Its corners relative to the eye.
+    pub fn corners(&self) -> &[DVec3] {
         &self.corners[..self.count]
     }
 
@@ -72,16 +71,16 @@ impl Fragment {
     }
 }
 
-/// The share of the form factor from `eye` (unit normal `n`) to the polygon `emitter` (front normal `n_emitter`) that convex `blockers` leave.
-/// `None` where the fragments become too many to follow.
-pub fn visible_share<'a>(
+/// The fragments, relative to `eye` (on a plane with unit normal `n`), of the polygon `emitter` (front normal `n_emitter`) that convex
+/// `blockers` leave visible. `None` where they become too many to follow.
+pub fn visible_fragments<'a, 'b>(
     eye: DVec3,
     n: DVec3,
     emitter: impl Iterator<Item = DVec3> + Clone,
     n_emitter: DVec3,
     blockers: impl Iterator<Item = &'a [DVec3]>,
-    fragments: &mut Fragments,
-) -> Option<f64> {
+    fragments: &'b mut Fragments,
+) -> Option<&'b [Fragment]> {
     let whole = Fragment::new(emitter.map(|p| p - eye))?;
     let d_emitter = n_emitter.dot(whole.corners[0]);
     let Fragments { whole: left, kept } = fragments;
@@ -101,15 +100,10 @@ pub fn visible_share<'a>(
         }
         std::mem::swap(left, kept);
         if left.is_empty() {
-            return Some(0.0);
+            break;
         }
     }
-    let factor = |f: &Fragment| form_factor(DVec3::ZERO, n, f.corners().iter().copied());
-    let total = factor(&whole);
-    if total <= 0.0 {
-        return Some(0.0);
-    }
-    Some((left.iter().map(factor).sum::<f64>() / total).clamp(0.0, 1.0))
+    Some(left)
 }
 
 /// The planes through the eye and a blocker's edges, normals inward.
@@ -174,10 +168,21 @@ impl Planes {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::transport::lambert::form_factor;
     use proptest::prelude::*;
 
     fn rectangle(low: (f64, f64), high: (f64, f64), z: f64) -> [DVec3; 4] {
         [(low.0, low.1), (low.0, high.1), (high.0, high.1), (high.0, low.1)].map(|(x, y)| DVec3::new(x, y, z))
+    }
+
+    /// The share of the form factor that the blockers leave.
+    fn visible_share<'a>(source: &[DVec3; 4], blockers: impl Iterator<Item = &'a [DVec3]>) -> Option<f64> {
+        let factor = |p: &[DVec3]| form_factor(DVec3::ZERO, DVec3::Z, p.iter().copied());
+        let mut fragments = Fragments::default();
+        let corners = source.iter().copied();
+        let visible =
+            visible_fragments(DVec3::ZERO, DVec3::Z, corners, DVec3::NEG_Z, blockers, &mut fragments)?;
+        Some(visible.iter().map(|f| factor(f.corners())).sum::<f64>() / factor(source))
     }
 
     proptest! {
@@ -198,9 +203,7 @@ mod tests {
                 if reversed {
                     corners.reverse();
                 }
-                let share = visible_share(
-                    DVec3::ZERO, DVec3::Z, source.iter().copied(), DVec3::NEG_Z, [&corners[..], &corners[..]].into_iter(), &mut Fragments::default(),
-                );
+                let share = visible_share(&source, [&corners[..], &corners[..]].into_iter());
                 prop_assert!((share.unwrap() - exact).abs() < 1e-12, "{:?} against {}", share, exact);
             }
         }
@@ -211,14 +214,7 @@ mod tests {
         let source = rectangle((-1.0, -1.0), (1.0, 1.0), 1.0);
         let share = |z: f64| {
             let blocker = rectangle((-0.5, -0.5), (0.5, 0.5), z);
-            visible_share(
-                DVec3::ZERO,
-                DVec3::Z,
-                source.iter().copied(),
-                DVec3::NEG_Z,
-                [&blocker[..]].into_iter(),
-                &mut Fragments::default(),
-            )
+            visible_share(&source, [&blocker[..]].into_iter())
         };
         assert_eq!((share(1.5), share(-0.5)), (Some(1.0), Some(1.0)));
     }

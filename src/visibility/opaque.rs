@@ -26,6 +26,7 @@ struct Prepared {
     first: u32,
     count: u32,
     pieces: (u32, u32),
+    width: f64,
     /// For triangles and parallelograms: `a·p − a0` and `b·p − b0` are the coordinates along the two edges at the first corner.
     corner: Option<Corner>,
 }
@@ -80,6 +81,13 @@ pub(super) fn vector_area(vertices: &[DVec3]) -> DVec3 {
     (1..vertices.len() - 1).map(|i| (vertices[i] - anchor).cross(vertices[i + 1] - anchor)).sum()
 }
 
+/// Twice the area of a polygon over its perimeter.
+fn width(vertices: &[DVec3]) -> f64 {
+    let perimeter: f64 =
+        (0..vertices.len()).map(|i| vertices[i].distance(vertices[(i + 1) % vertices.len()])).sum();
+    if perimeter > 0.0 { vector_area(vertices).length() / perimeter } else { 0.0 }
+}
+
 impl OpaqueFaces {
     /// Prepares the faces of `scene`.
     pub fn new(scene: &Scene) -> Self {
@@ -111,6 +119,7 @@ impl OpaqueFaces {
                 first: prepared.corners.len() as u32,
                 count: face.vertices.len() as u32,
                 pieces,
+                width: width(&face.vertices),
                 corner: Corner::new(&face.vertices),
             });
             prepared.corners.extend(face.vertices.iter().map(|v| project(*v, axis)));
@@ -155,6 +164,11 @@ impl OpaqueFaces {
             let (start, end) = (self.piece_ends[i as usize], self.piece_ends[i as usize + 1]);
             &self.piece_vertices[start as usize..end as usize]
         })
+    }
+
+    /// Twice the face's area over its perimeter, in metres: the width of a strip, half the side of a square.
+    pub fn width(&self, face: u32) -> f64 {
+        self.faces[face as usize].width
     }
 
     /// How many faces there are.

@@ -139,7 +139,18 @@ pub fn solution(scene: Scene, basis: Basis, depth: usize, seed: u64) -> Solution
         .flat_map(|f| (0..sides(&scene.faces[f])).map(move |back| (f, back == 1)))
         .map(|(f, back)| surface(&scene, f, back))
         .collect();
-    let fields = surfaces.iter().map(|s| field(s, basis, scene.bands.len(), depth, &mut random)).collect();
+    on_surfaces(scene, surfaces, basis, depth, &mut random)
+}
+
+/// A solution on the given surfaces.
+pub fn on_surfaces(
+    scene: Scene,
+    surfaces: Vec<Surface>,
+    basis: Basis,
+    depth: usize,
+    random: &mut Random,
+) -> Solution {
+    let fields = surfaces.iter().map(|s| field(s, basis, scene.bands.len(), depth, random)).collect();
     Solution { scene, surfaces, fields, error_target: 0.01, error_estimate: 0.008, incomplete: false }
 }
 

@@ -127,6 +127,7 @@ mod tests {
     }
 
     #[test]
+    #[cfg_attr(miri, ignore = "asks hwloc and the kernel")]
     fn each_node_has_its_arena_only_where_nodes_are_asked_for() {
         let machine = Machine::this_machine().unwrap();
         for memory in [Memory::Node, Memory::Interleave, Memory::FirstTouch, Memory::Malloc] {

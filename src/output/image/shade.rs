@@ -1,15 +1,14 @@
 //! What a ray sees of a solution.
 
-use std::collections::HashMap;
-
 use glam::{DVec2, DVec3};
 
 use crate::output::colour::{ToRgb, luminance};
 use crate::radiosity::Solution;
+use crate::scene::OfFaces;
 
 /// Finds the nearest surface along a ray (origin, unit direction): its index in [`Solution::surfaces`] and
-/// the point's parameters. Of a face with two surfaces either may be given; a face met from a side without
-/// a surface gives the other side's, for it hides what is behind.
+/// the point's parameters. Of a face with surfaces on both sides either may be given; a face met from a
+/// side without a surface gives the other side's, for it hides what is behind.
 pub type Caster<'a> = dyn Fn(DVec3, DVec3) -> Option<(u32, DVec2)> + Sync + 'a;
 
 /// A point seen from its lit side.
@@ -24,17 +23,13 @@ pub(super) struct Shade<'a> {
     pub solution: &'a Solution,
     pub to_rgb: ToRgb,
     cast: &'a Caster<'a>,
-    /// For each surface the one on the other side of its face.
-    other_side: Vec<Option<u32>>,
+    of_faces: OfFaces<'a>,
 }
 
 impl<'a> Shade<'a> {
     pub fn new(solution: &'a Solution, cast: &'a Caster<'a>) -> Shade<'a> {
-        let surfaces = &solution.surfaces;
-        let of: HashMap<(u32, bool), u32> =
-            surfaces.iter().enumerate().map(|(i, s)| ((s.face, s.back), i as u32)).collect();
-        let other_side = surfaces.iter().map(|s| of.get(&(s.face, !s.back)).copied()).collect();
-        Shade { solution, to_rgb: ToRgb::new(&solution.scene.bands), cast, other_side }
+        let of_faces = OfFaces::new(&solution.surfaces);
+        Shade { solution, to_rgb: ToRgb::new(&solution.scene.bands), cast, of_faces }
     }
 
     /// The surface seen along a ray; `None` if there is none, or only the black back of one.
@@ -44,9 +39,8 @@ impl<'a> Shade<'a> {
         if surface.frame.normal.dot(direction) < 0.0 {
             return Some(Hit { surface: index, uv });
         }
-        let other = self.other_side[index as usize]?;
-        let uv = self.solution.surfaces[other as usize].frame.uv(surface.frame.point(uv));
-        Some(Hit { surface: other, uv })
+        let point = surface.frame.point(uv);
+        self.of_faces.at(surface.face, !surface.back, point).map(|(surface, uv)| Hit { surface, uv })
     }
 
     /// Radiance in W/(m² sr) per band, written to `out`; overshoots of the polynomials below zero are cut
