@@ -5,7 +5,7 @@ use std::path::Path;
 
 use glam::{DVec2, DVec3};
 use wavelet_radiosity::scene::procedural::{Drawing, Options, Subject, TooFewSurfaces, draw};
-use wavelet_radiosity::scene::{Face, Scene, Sides, read, surfaces};
+use wavelet_radiosity::scene::{Face, Scene, Sides, read};
 use wavelet_radiosity::visibility::{Bvh, Occluder, OpaqueFaces};
 
 fn options(surfaces: usize) -> Options {
@@ -46,7 +46,7 @@ fn numbers_of_surfaces_and_lights_are_those_of_the_paper() {
         let drawing = draw(subject, &Options { surfaces: None, seed: 3, shuffle: false }).unwrap();
         let scene = parse(&drawing);
         let emits = |face: &&Face| scene.materials[face.material as usize].exitance_w_m2[0] > 0.0;
-        assert_eq!(surfaces(&scene).len(), subject.surfaces(), "{subject:?}");
+        assert_eq!(scene.faces.len(), subject.surfaces(), "{subject:?}");
         assert_eq!(scene.faces.iter().filter(emits).count(), lights, "{subject:?}");
         assert!(!scene.cameras.is_empty());
         assert!(scene.faces.iter().all(|face| face.sides == Sides::One));
