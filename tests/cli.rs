@@ -117,6 +117,18 @@ fn wrong_usage_ends_with_2_says_what_is_available_and_writes_nothing() {
         ("render box.iv --out a.png --camera left", "the scene has no camera named 'left'"),
         ("render box.iv --out a.png --exposure 0", "--exposure 0: expected a finite number above 0"),
         ("render box.iv --out a.exr --mesh", "--mesh, --falsecolor and --exposure are for .png"),
+        ("generate nancy --out a.iv", "generate nancy: there is no such value; available: stanislas, quito"),
+        ("generate cornell --out a.obj", "a.obj: wrad generate writes Open Inventor scenes: .iv"),
+        ("generate cornell --out none/a.iv", "none/a.iv: its directory does not exist"),
+        (
+            "generate cornell --out a.iv --surfaces -3",
+            "--surfaces -3: expected a whole number from 1 to 2000000",
+        ),
+        (
+            "generate cornell --out a.iv --surfaces 16",
+            "cornell needs at least 17 surfaces, 16 were asked for",
+        ),
+        ("generate cornell --out a.iv --seed one", "--seed one: expected a whole number"),
         ("render none.wrad --out a.png --error 0.1", "--error and --basis are for scenes"),
     ];
     for (arguments, message) in cases {
@@ -354,4 +366,15 @@ fn topology_shows_this_machine_and_plans_for_others() {
     assert!(code == 2 && problem.contains("nonsense"), "{problem}");
     let (code, _, problem) = place.run("topology --threads 100000");
     assert!(code == 2 && problem.contains("100000"), "{problem}");
+}
+
+#[test]
+fn a_generated_scene_can_be_read_and_comes_out_the_same_again() {
+    let place = Place::new();
+    let (code, out, err) = place.run("generate soda-room --out a.iv --surfaces 2000 --seed 7");
+    assert_eq!((code, out.as_str(), err.as_str()), (0, "a.iv: 2000 surfaces, 3 lights\n", ""));
+    place.run("generate soda-room --out b.iv --surfaces 2000 --seed 7");
+    assert_eq!(place.text("a.iv"), place.text("b.iv"));
+    let (code, out, _) = place.run("info a.iv");
+    assert!(code == 0 && out.contains("faces      2000 ") && !out.contains("repaired"), "{out}");
 }

@@ -34,6 +34,8 @@ pub enum Command {
     Render(RenderArguments),
     /// Describes a scene: statistics, problems, and what would be computed and what skipped.
     Info(InfoArguments),
+    /// Draws one of the paper's scenes by rule, with an exact number of surfaces.
+    Generate(GenerateArguments),
     /// Shows the machine and which worker goes where, checked live.
     Topology(TopologyArguments),
 }
@@ -164,4 +166,23 @@ pub struct RenderArguments {
 pub struct InfoArguments {
     /// The scene: an Open Inventor or VRML 1.0 file in text form.
     pub scene: PathBuf,
+}
+
+/// Arguments of `wrad generate`.
+#[derive(Clone, Debug, Args)]
+pub struct GenerateArguments {
+    /// Scene: stanislas, quito, soda-room, soda-floor or cornell.
+    pub name: String,
+    /// The scene file to write: .iv.
+    #[arg(long, value_name = "FILE.iv")]
+    pub out: PathBuf,
+    /// Number of surfaces [default: that of the paper's scene].
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub surfaces: Option<String>,
+    /// Seed of all that is left to chance.
+    #[arg(long, value_name = "S", default_value = "1", allow_negative_numbers = true)]
+    pub seed: String,
+    /// Writes the surfaces in random order, so that neighbours in the file are none in space.
+    #[arg(long)]
+    pub shuffle: bool,
 }

@@ -7,6 +7,7 @@ mod arguments;
 mod choice;
 mod error;
 mod files;
+mod generate;
 mod grey;
 mod info;
 mod interrupt;

@@ -10,6 +10,7 @@ use crate::transport::Oracle;
 
 use super::arguments::{Command, InfoArguments, RenderArguments, SolveArguments};
 use super::choice::{choose, positive};
+use super::generate::GeneratePlan;
 use super::topology::TopologyPlan;
 use super::{Arguments, Error, Status, files, info, render, solve};
 
@@ -25,6 +26,8 @@ pub enum Plan {
     Render(RenderPlan),
     /// `wrad info`.
     Info(PathBuf),
+    /// `wrad generate`.
+    Generate(GeneratePlan),
     /// Show a machine and a plan for it.
     Topology(Box<TopologyPlan>),
 }
@@ -93,6 +96,7 @@ impl Plan {
             Command::Solve(arguments) => SolvePlan::new(*arguments).map(Plan::Solve),
             Command::Render(arguments) => RenderPlan::new(arguments).map(Plan::Render),
             Command::Topology(arguments) => Ok(Plan::Topology(Box::new(TopologyPlan::new(arguments)?))),
+            Command::Generate(arguments) => GeneratePlan::new(arguments).map(Plan::Generate),
             Command::Info(InfoArguments { scene }) => Ok(Plan::Info(scene)),
         }
     }
@@ -106,6 +110,7 @@ impl Plan {
             Plan::Solve(plan) => solve::run(plan, start),
             Plan::Render(plan) => render::run(plan),
             Plan::Topology(plan) => plan.run(),
+            Plan::Generate(plan) => plan.run(),
             Plan::Info(scene) => info::run(scene),
         }
     }

@@ -8,6 +8,7 @@ mod graph;
 pub mod model;
 pub mod pieces;
 pub mod planar;
+pub mod procedural;
 pub mod read;
 mod rim;
 pub mod split;
