@@ -71,11 +71,6 @@ impl<const N: usize> Element<N> {
         }
     }
 
-    /// Whether any coefficient of the element itself differs from zero.
-    pub fn is_lit(&self) -> bool {
-        self.irradiance.iter().flatten().any(|e| *e != 0.0)
-    }
-
     /// Marks all irradiance of the subtree as unshot.
     pub fn unshoot(&mut self) {
         self.unshot.copy_from_slice(&self.irradiance);
@@ -92,6 +87,15 @@ impl<const N: usize> Element<N> {
         }
         for child in self.children.iter_mut().flat_map(|(_, children)| children) {
             child.restart();
+        }
+    }
+
+    /// Takes all light from the subtree.
+    pub fn darken(&mut self) {
+        self.irradiance.fill([0.0; N]);
+        self.unshot.fill([0.0; N]);
+        for child in self.children.iter_mut().flat_map(|(_, children)| children) {
+            child.darken();
         }
     }
 

@@ -145,14 +145,8 @@ fn radiosity_packet<const N: usize>(solution: &Solution, index: usize) -> Packet
     let mut nodes = vec![blank];
     let builder = Builder { solution, index, field };
     builder.fill(0, &mut nodes, 0);
-    Packet {
-        surface: index as u32,
-        face: surface.face,
-        frame: surface.frame,
-        outline: (!surface.full).then(|| surface.outline.clone().into_boxed_slice()),
-        basis: field.basis,
-        nodes,
-    }
+    let outline = (!surface.full).then(|| surface.outline.clone().into_boxed_slice());
+    Packet::new(index as u32, surface.face, surface.frame, outline, field.basis, nodes)
 }
 
 struct Builder<'a> {

@@ -63,9 +63,10 @@ impl<const N: usize> Tree<N> {
         self.packet(self.basis, nodes)
     }
 
-    /// Whether it holds any light.
-    pub fn is_lit(&self) -> bool {
-        self.root.leaves() > 1 || self.root.is_lit()
+    /// Marks all irradiance as unshot and measures it.
+    pub fn unshoot(&mut self) {
+        self.root.unshoot();
+        self.measure_unshot();
     }
 
     /// Darkens the tree for a better transport of the light it reflects by now, which is returned; what the new irradiance differs from
@@ -75,6 +76,12 @@ impl<const N: usize> Tree<N> {
         let packet = self.take_packet(prune_w_m2);
         self.root.restart();
         packet
+    }
+
+    /// Takes all light from the tree.
+    pub fn darken(&mut self) {
+        self.root.darken();
+        self.unshot_w = 0.0;
     }
 
     /// Measures the unshot power anew: sums of signed light that cancels are smaller than the sums of its parts.
@@ -92,14 +99,8 @@ impl<const N: usize> Tree<N> {
     }
 
     fn packet(&self, basis: Basis, nodes: Vec<PacketNode<N>>) -> Packet<N> {
-        Packet {
-            surface: self.patch.surface,
-            face: self.patch.face,
-            frame: self.patch.frame,
-            outline: self.outline.clone(),
-            basis,
-            nodes,
-        }
+        let Patch { surface, face, frame, .. } = self.patch;
+        Packet::new(surface, face, frame, self.outline.clone(), basis, nodes)
     }
 
     /// `∫ Σ_bands (ρE)² dA` over the surface, in W²/m²; cut leaves by their share.

@@ -55,8 +55,7 @@ impl<const N: usize> Pass<'_, N> {
         let mut statistics = PassStatistics::default();
         let start = Instant::now();
         let mut scratch = Scratch::default();
-        let reflected: Vec<Packet<N>> =
-            trees.iter_mut().filter(|tree| tree.is_lit()).map(|tree| tree.restart(self.prune_w_m2)).collect();
+        let reflected = self.restart(trees);
         self.direct(trees, &mut scratch, &mut statistics, observer);
         statistics.direct = std::mem::take(&mut scratch.work);
         statistics.direct_s = start.elapsed().as_secs_f64();
@@ -68,6 +67,26 @@ impl<const N: usize> Pass<'_, N> {
         statistics.interreflection_s = start.elapsed().as_secs_f64();
         statistics.unshot_w = unshot_w(trees);
         statistics
+    }
+
+    /// Takes the light that the trees reflect into packets. Surfaces that reflect least, together half of what may be left unshot, send
+    /// nothing yet.
+    fn restart(&self, trees: &mut [Tree<N>]) -> Vec<Packet<N>> {
+        trees.iter_mut().for_each(Tree::unshoot);
+        let mut order: Vec<usize> = (0..trees.len()).collect();
+        order.sort_by(|a, b| trees[*b].unshot_w.total_cmp(&trees[*a].unshot_w).then(a.cmp(b)));
+        let mut left = unshot_w(trees);
+        let mut packets = Vec::new();
+        for index in order {
+            let tree = &mut trees[index];
+            if left > 0.5 * self.stop_w {
+                left -= tree.unshot_w;
+                packets.push(tree.restart(self.prune_w_m2));
+            } else {
+                tree.darken();
+            }
+        }
+        packets
     }
 
     fn direct(

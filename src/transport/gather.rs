@@ -11,13 +11,12 @@ use glam::{DVec2, DVec3};
 
 use super::kernel::kernel;
 use super::lambert::form_factor;
+use super::nodes::{CellNodes, Nodes, value_at};
 use super::packet::{Detail, EmitterCell, Packet, cell_corners};
 use super::pair::Scratch;
 use super::samples::MAX_SAMPLES;
 use super::unblocked::visible_fragments;
-use crate::math::basis::{Basis, MAX_FUNCTIONS, legendre};
-use crate::math::polygon;
-use crate::math::quadrature::gauss;
+use crate::math::basis::MAX_FUNCTIONS;
 use crate::scene::Frame;
 use crate::visibility::{Occluder, OpaqueFaces, Shaft};
 
@@ -162,13 +161,13 @@ impl<'a, const N: usize> Gather<'a, N> {
         if geometry.faces_away(self.points.normal, self.centre, self.radius) {
             return;
         }
-        let mut nodes = [const { None }; 4];
+        let nodes = CellNodes::default();
         let mut divided = 0;
         for p in points_of(active) {
             let x = self.points.position[p];
             let Some(view) = geometry.view(self.points.normal, x) else { continue };
             match self.judge(emitter, &view, candidates, tolerance) {
-                Some(how) if self.take(p, emitter, &mut nodes, candidates, &how) => {}
+                Some(how) if self.take(p, emitter, &nodes, candidates, &how) => {}
                 _ => divided |= 1 << p,
             }
         }
@@ -250,28 +249,18 @@ impl<'a, const N: usize> Gather<'a, N> {
         &mut self,
         p: usize,
         emitter: &EmitterCell<N>,
-        nodes: &mut [Option<Nodes<N>>; 4],
+        nodes: &CellNodes<N>,
         candidates: Candidates,
         how: &How,
     ) -> bool {
-        let packet = self.packet;
-        let mut need = |n: usize| {
-            if nodes[n].is_none() {
-                nodes[n] = Some(Nodes::new(packet, emitter, n));
-            }
-        };
-        need(how.nodes);
-        if how.rays > 0 {
-            need(how.rays);
-        }
-        let Some(quadrature) = &nodes[how.nodes] else { return false };
+        let quadrature = nodes.get(self.packet, emitter, how.nodes);
         let x = self.points.position[p];
         if how.rays == 0 {
             let light = self.light(x, emitter, quadrature, how.closed_form, how.constant);
             self.add(p, &light);
             return true;
         }
-        let Some(targets) = &nodes[how.rays] else { return false };
+        let targets = nodes.get(self.packet, emitter, how.rays);
         let all = (1u32 << targets.count) - 1;
         let visible = self.trace(p, targets, candidates);
         let unanimous = visible == 0 || visible == all;
@@ -605,78 +594,6 @@ pub fn narrow(
 /// point of one, the other projects onto the face's plane within the hull of its corners' projections.
 fn hides(faces: &OpaqueFaces, face: u32, a: &[DVec3], b: &[DVec3]) -> bool {
     faces.piece_count(face) == 1 && a.iter().all(|p| b.iter().all(|q| faces.blocks(face, *p, *q - *p)))
-}
-
-/// Gauss nodes on an emitter cell: positions, weights in m², weighted radiosity in W.
-struct Nodes<const N: usize> {
-    count: usize,
-    position: [DVec3; 9],
-    eye: [DVec3; 9],
-    area: [f64; 9],
-    weighted: [[f64; N]; 9],
-}
-
-impl<const N: usize> Nodes<N> {
-    fn new(packet: &Packet<N>, emitter: &EmitterCell<N>, n: usize) -> Self {
-        let (abscissae, weights) = gauss(n);
-        let area = packet.frame.area_m2 * emitter.cell.area();
-        let mut nodes = Self {
-            count: n * n,
-            position: [DVec3::ZERO; 9],
-            eye: [DVec3::ZERO; 9],
-            area: [0.0; 9],
-            weighted: [[0.0; N]; 9],
-        };
-        let moments = emitter.outline.as_ref().map(|outline| {
-            let local: Vec<DVec2> = outline.iter().map(|p| emitter.cell.to_local(*p)).collect();
-            let basis = [Basis::Haar, Basis::M2, Basis::M3][n - 1];
-            (basis, polygon::moments(&local, basis))
-        });
-        for i in 0..n {
-            for j in 0..n {
-                let q = i * n + j;
-                let local = DVec2::new(abscissae[i], abscissae[j]);
-                let uv = emitter.cell.to_surface(local);
-                nodes.position[q] = packet.frame.point(uv);
-                nodes.eye[q] = nodes.position[q];
-                let mut weight = weights[i] * weights[j];
-                if let (Some((basis, moments)), Some(outline)) = (&moments, &emitter.outline) {
-                    let phi = basis.evaluate(local);
-                    weight *= (0..basis.len()).map(|a| phi[a] * moments[a]).sum::<f64>();
-                    if !polygon::contains(outline, uv) {
-                        let near = polygon::nearest_on_boundary(outline, uv, |d| {
-                            (d.x * packet.frame.u + d.y * packet.frame.v).length_squared()
-                        });
-                        nodes.eye[q] = packet.frame.point(near);
-                    }
-                }
-                nodes.area[q] = weight * area;
-                let value = value_at(packet.basis, &emitter.coefficients, local);
-                nodes.weighted[q] = value.map(|b| b * nodes.area[q]);
-            }
-        }
-        nodes
-    }
-}
-
-/// The function of these coefficients at a point of the cell's unit square.
-pub fn value_at<const N: usize>(
-    basis: Basis,
-    coefficients: &[[f64; N]; MAX_FUNCTIONS],
-    local: DVec2,
-) -> [f64; N] {
-    let k = basis.order();
-    let (x, y) = (legendre(local.x), legendre(local.y));
-    let mut sum = [0.0; N];
-    for i in 0..k {
-        for j in 0..k {
-            let phi = x[i] * y[j];
-            for n in 0..N {
-                sum[n] += phi * coefficients[i * k + j][n];
-            }
-        }
-    }
-    sum
 }
 
 /// Norm over bands of the mean, and of the part that varies, times √3: the largest value of a linear function over its RMS.

@@ -8,6 +8,7 @@ pub mod gather;
 pub mod kernel;
 pub mod lambert;
 pub mod lamp;
+pub mod nodes;
 pub mod packet;
 pub mod pair;
 pub mod samples;

@@ -5,6 +5,7 @@
 
 use glam::{DVec2, DVec3};
 
+use super::nodes::Nodes;
 use crate::math::basis::MAX_FUNCTIONS;
 use crate::math::{Basis, Cell, Split, polygon};
 use crate::scene::{Frame, Surface};
@@ -24,6 +25,8 @@ pub struct Packet<const N: usize> {
     pub basis: Basis,
     /// Nodes; the root is number 0, the children of a node stand side by side.
     pub nodes: Vec<PacketNode<N>>,
+    /// Quadrature on the root, 1 × 1 to 3 × 3 nodes.
+    pub root_nodes: Box<[Nodes<N>; 3]>,
 }
 
 /// How far the radiosity below a cell differs from the cell's polynomial, in W/m², all bands.
@@ -70,15 +73,23 @@ pub struct EmitterCell<const N: usize> {
 }
 
 impl<const N: usize> Packet<N> {
+    /// The packet of the surface with this index; `nodes` as in [`Packet::nodes`].
+    pub fn new(
+        index: u32,
+        face: u32,
+        frame: Frame,
+        outline: Option<Box<[DVec2]>>,
+        basis: Basis,
+        nodes: Vec<PacketNode<N>>,
+    ) -> Self {
+        let root = root(&nodes, outline.clone());
+        let root_nodes = Box::new([1, 2, 3].map(|n| Nodes::new(&frame, basis, &root, n)));
+        Self { surface: index, face, frame, outline, basis, nodes, root_nodes }
+    }
+
     /// The whole emitter.
     pub fn root(&self) -> EmitterCell<N> {
-        EmitterCell {
-            cell: Cell::UNIT,
-            node: Some(0),
-            coefficients: self.nodes[0].coefficients,
-            outline: self.outline.clone(),
-            virtual_depth: 0,
-        }
+        root(&self.nodes, self.outline.clone())
     }
 
     /// How `emitter` divides: as the packet does, else across its longer side, or both ways where the sides are alike.
@@ -119,6 +130,16 @@ impl<const N: usize> Packet<N> {
         };
         let virtual_depth = if node.is_some() { 0 } else { emitter.virtual_depth + 1 };
         Some(EmitterCell { cell, node, coefficients, outline, virtual_depth })
+    }
+}
+
+fn root<const N: usize>(nodes: &[PacketNode<N>], outline: Option<Box<[DVec2]>>) -> EmitterCell<N> {
+    EmitterCell {
+        cell: Cell::UNIT,
+        node: Some(0),
+        coefficients: nodes[0].coefficients,
+        outline,
+        virtual_depth: 0,
     }
 }
 

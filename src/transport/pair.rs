@@ -319,7 +319,7 @@ impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
             _ => DVec2::splat(0.5),
         };
         let point = [self.patch.frame.point(uv)];
-        let tolerance = Tolerance { relative: COARSE, absolute_w_m2: COARSE * estimate_w_m2 };
+        let tolerance = Tolerance { relative: COARSE, absolute_w_m2: 0.5 * estimate_w_m2 };
         let mut irradiance = [[0.0; N]];
         self.gather(&point, &point, &point, Candidates::Scene, tolerance, &mut irradiance, &mut [0.0]);
         let mut coefficients = [[0.0; N]; MAX_FUNCTIONS];
