@@ -116,13 +116,16 @@ impl<const N: usize> Element<N> {
         let mut parts = [[[0.0; N]; MAX_FUNCTIONS]; 4];
         let mut sum = 0.0;
         *pulled = [[0.0; N]; MAX_FUNCTIONS];
-        for (index, child) in children.iter().enumerate() {
+        for (index, child) in children.iter().enumerate().filter(|(_, c)| c.shape != Shape::Outside) {
             let mut pushed = [[0.0; N]; MAX_FUNCTIONS];
             basis.push(*split, index, &own, &mut pushed);
-            if child.shape == Shape::Outside {
-                parts[index] = pushed;
-            } else {
-                sum += child.pull_unshot(basis, &pushed, &mut parts[index]);
+            sum += child.pull_unshot(basis, &pushed, &mut parts[index]);
+        }
+        let outside = |index: usize| children[index].shape == Shape::Outside;
+        let beyond = beyond(children.len(), outside, |index| parts[index][0]);
+        for index in 0..children.len() {
+            if outside(index) {
+                parts[index][0] = beyond;
             }
             basis.pull_add(*split, index, &parts[index], pulled);
         }
@@ -163,9 +166,7 @@ impl<const N: usize> Element<N> {
         for (index, child) in children.iter_mut().enumerate() {
             let mut pushed = [[0.0; N]; MAX_FUNCTIONS];
             basis.push(*split, index, &own, &mut pushed);
-            if child.shape == Shape::Outside {
-                nodes[first + index].coefficients = pushed;
-            } else {
+            if child.shape != Shape::Outside {
                 child.take_unshot(basis, &pushed, reflectance, prune_w_m2, nodes, first + index);
             }
         }
@@ -176,6 +177,23 @@ impl<const N: usize> Element<N> {
             nodes[slot].detail = Detail::default();
         }
     }
+}
+
+/// What stands for the function on children outside of the polygon, which receive nothing: the mean of its means on the others.
+fn beyond<const N: usize>(
+    count: usize,
+    outside: impl Fn(usize) -> bool,
+    mean: impl Fn(usize) -> [f64; N],
+) -> [f64; N] {
+    let inside = (0..count).filter(|index| !outside(*index));
+    let (sum, held) = inside.fold(([0.0; N], 0), |(mut sum, held), index| {
+        let mean = mean(index);
+        for n in 0..N {
+            sum[n] += mean[n];
+        }
+        (sum, held + 1)
+    });
+    sum.map(|s| s / held.max(1) as f64)
 }
 
 /// Pulls the children at `first` up to packet node `slot`, with the bound on the detail they hold; `outside` children hold none.
@@ -189,7 +207,11 @@ pub(super) fn pull<const N: usize>(
 ) {
     let mut pulled = [[0.0; N]; MAX_FUNCTIONS];
     let count = split.children().len();
+    let beyond = beyond(count, &outside, |index| nodes[first + index].coefficients[0]);
     for index in 0..count {
+        if outside(index) {
+            nodes[first + index].coefficients[0] = beyond;
+        }
         basis.pull_add(split, index, &nodes[first + index].coefficients, &mut pulled);
     }
     let mut detail = Detail::default();
