@@ -276,7 +276,7 @@ fn sphere_deviation(complexity: f64) -> f64 {
             face.material = scene.materials.len() as u32 - 1;
         }
     }
-    let outcome = run(&scene, Basis::M2, 0.01);
+    let outcome = run(&scene, Basis::M2, 0.003);
     let (mut emitted, mut area, mut square) = (0.0, 0.0, 0.0);
     for s in &outcome.solution.surfaces {
         emitted += s.area_m2 * s.exitance_w_m2[0];

@@ -52,45 +52,49 @@ fn deviation(name: &str, basis: Basis, error: f64) -> (f64, f64) {
     (rms, outcome.solution.error_estimate)
 }
 
-/// The deviation stays below `limit`; the estimate is not below the deviation by more than the probes' own scatter, nor idle.
-fn check(name: &str, basis: Basis, error: f64, limit: f64) {
+/// The deviation stays below `limit` and `honest` times the estimate, and the estimate is not idle.
+fn check(name: &str, basis: Basis, error: f64, limit: f64, honest: f64) {
     let (rms, estimate) = deviation(name, basis, error);
     assert!(rms <= limit, "{name} {basis:?} --error {error}: {rms} above {limit}");
     assert!(estimate <= 1.01 * error, "the target was not met: {estimate}");
-    // In the furnished room the probes show up to 1.25 times the estimate; elsewhere it is on the safe side.
-    assert!(rms <= 1.3 * estimate && estimate <= 4.0 * rms, "{rms} against the estimate {estimate}");
+    assert!(rms <= honest * estimate && estimate <= 4.0 * rms, "{rms} against the estimate {estimate}");
 }
 
 #[test]
 fn haar_reaches_three_percent() {
     for name in ["cornell-box", "furnished-room", "l-gallery"] {
-        check(name, Basis::Haar, 0.03, 0.03);
+        check(name, Basis::Haar, 0.03, 0.03, 1.2);
     }
 }
 
 #[test]
 fn m2_and_m3_at_one_percent_on_the_cornell_box() {
-    check("cornell-box", Basis::M2, 0.01, 0.015);
-    check("cornell-box", Basis::M3, 0.01, 0.015);
+    check("cornell-box", Basis::M2, 0.01, 0.015, 1.2);
+    check("cornell-box", Basis::M3, 0.01, 0.015, 1.2);
 }
 
 #[test]
 fn m2_and_m3_at_one_percent_in_the_gallery() {
-    check("l-gallery", Basis::M2, 0.01, 0.015);
-    check("l-gallery", Basis::M3, 0.01, 0.015);
+    check("l-gallery", Basis::M2, 0.01, 0.015, 1.2);
+    check("l-gallery", Basis::M3, 0.01, 0.015, 1.2);
 }
 
 #[test]
 fn m2_at_one_percent_in_the_furnished_room() {
-    check("furnished-room", Basis::M2, 0.01, 0.015);
+    check("furnished-room", Basis::M2, 0.01, 0.015, 1.2);
 }
 
 #[test]
 fn m3_at_one_percent_in_the_furnished_room() {
-    check("furnished-room", Basis::M3, 0.01, 0.015);
+    check("furnished-room", Basis::M3, 0.01, 0.015, 1.2);
+}
+
+#[test]
+fn m3_at_three_per_mille_on_the_cornell_box() {
+    check("cornell-box", Basis::M3, 0.003, 0.006, 1.5);
 }
 
 #[test]
 fn m3_at_three_per_mille_in_the_gallery() {
-    check("l-gallery", Basis::M3, 0.003, 0.006);
+    check("l-gallery", Basis::M3, 0.003, 0.006, 1.5);
 }

@@ -40,8 +40,9 @@ const COARSE_SHARE: f64 = 0.5;
 /// Tolerance of the first look at an element, and of a pair that is taken by one sample, as a share of the light.
 const COARSE: f64 = 0.25;
 
-/// How much sharper each further look is.
+/// How much sharper each further look is, and the sharpest there is.
 const SHARPER: f64 = 0.2;
+const SHARPEST: f64 = 1e-6;
 
 /// Cells are not divided below this extent of the surface's parametrisation.
 const LEAST_EXTENT: f64 = 1.0 / (1 << 20) as f64;
@@ -439,7 +440,8 @@ impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
             let mut look = self.look(&sampling, hull, candidates, tolerance, whole);
             look.unseen *= hideable;
             let link_error = area.sqrt() * look.error;
-            let sharp = tolerance.absolute_w_m2.max(tolerance.relative * look.light) <= 1.001 * strict;
+            let sharp = tolerance.absolute_w_m2.max(tolerance.relative * look.light) <= 1.001 * strict
+                || tolerance.relative <= SHARPEST;
             // What the look may be wrong by must not divide the element.
             let noise = if sharp { 0.0 } else { weight * tolerance.absolute_w_m2 };
             let accepted = uniform
@@ -456,7 +458,7 @@ impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
             }
             let absolute_w_m2 = (SHARPER * tolerance.absolute_w_m2.min(look.light)).max(strict);
             tolerance =
-                Tolerance { relative: (absolute_w_m2 / look.light).clamp(1e-6, COARSE), absolute_w_m2 };
+                Tolerance { relative: (absolute_w_m2 / look.light).clamp(SHARPEST, COARSE), absolute_w_m2 };
         }
     }
 
