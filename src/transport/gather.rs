@@ -9,6 +9,7 @@
 
 use glam::{DVec2, DVec3};
 
+use super::candidates::{Candidates, narrow};
 use super::kernel::kernel;
 use super::lambert::form_factor;
 use super::nodes::{CellNodes, Nodes, value_at};
@@ -16,9 +17,9 @@ use super::packet::{Detail, EmitterCell, Packet, cell_corners};
 use super::pair::Scratch;
 use super::samples::MAX_SAMPLES;
 use super::unblocked::visible_fragments;
+use super::view::{Geometry, View};
 use crate::math::basis::MAX_FUNCTIONS;
-use crate::scene::Frame;
-use crate::visibility::{Occluder, OpaqueFaces, Shaft};
+use crate::visibility::{Occluder, Shaft};
 
 /// Relative error of n × n Gauss quadrature over a cell of size s seen from distance d: `ERROR[n] (s/d)^(2n)`; fitted to the table
 /// of numerics §2, doubled for oblique pairs.
@@ -57,19 +58,6 @@ pub struct Points<'a> {
     pub hull: &'a [DVec3],
 }
 
-/// Which faces may stand between a bundle and a cell.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Candidates {
-    /// None: proven unoccluded.
-    Free,
-    /// One of them blocks everything: proven hidden.
-    Hidden,
-    /// The entries of the scratch list in this range.
-    List(usize, usize),
-    /// Too many to list: ask the structure.
-    Scene,
-}
-
 /// What a gathering may lose: a cell is accepted when its error is below either.
 #[derive(Clone, Copy, Debug)]
 pub struct Tolerance {
@@ -78,9 +66,6 @@ pub struct Tolerance {
     /// Irradiance in W/m² (Euclidean norm over bands).
     pub absolute_w_m2: f64,
 }
-
-/// The most candidates listed for a shaft.
-pub const LIST_LIMIT: usize = 48;
 
 /// The gathering of one packet by one bundle.
 pub struct Gather<'a, const N: usize> {
@@ -122,16 +107,6 @@ enum Partial {
     Exact,
     /// Divide the cell for them.
     Divide,
-}
-
-/// An emitter cell as seen from a point.
-struct View {
-    /// Longest side over distance to the cell's middle.
-    ratio: f64,
-    /// Longest side over distance to the cell.
-    nearest: f64,
-    /// Estimate, on the safe side, of the form factor.
-    form_factor: f64,
 }
 
 impl<'a, const N: usize> Gather<'a, N> {
@@ -501,99 +476,6 @@ impl<'a, const N: usize> Gather<'a, N> {
         let skip = [self.points.face, self.packet.face];
         narrow(self.occluder, &shaft, candidates, skip, self.points.hull, &corners, self.scratch)
     }
-}
-
-/// Where an emitter cell lies.
-struct Geometry {
-    middle: DVec3,
-    normal: DVec3,
-    /// Half the longer diagonal, and the longer side.
-    half: f64,
-    size: f64,
-    area_m2: f64,
-}
-
-impl Geometry {
-    fn new<const N: usize>(frame: &Frame, emitter: &EmitterCell<N>) -> Self {
-        let cell = &emitter.cell;
-        let (u, v) = (frame.u * cell.size.x, frame.v * cell.size.y);
-        Self {
-            middle: frame.point(cell.centre()),
-            normal: frame.normal,
-            half: 0.5 * (u + v).length().max((u - v).length()),
-            size: u.length().max(v.length()),
-            area_m2: frame.area_m2 * cell.area(),
-        }
-    }
-
-    /// Whether no light can pass from the cell to a sphere with this normal.
-    fn faces_away(&self, normal: DVec3, centre: DVec3, radius: f64) -> bool {
-        let between = self.middle - centre;
-        radius <= self.normal.dot(between) || normal.dot(between) + radius + self.half <= 0.0
-    }
-
-    /// How a point sees the cell; `None` where no light can pass.
-    fn view(&self, normal: DVec3, x: DVec3) -> Option<View> {
-        let between = self.middle - x;
-        let above = -self.normal.dot(between);
-        let ahead = normal.dot(between) + self.half;
-        if above <= 0.0 || ahead <= 0.0 {
-            return None;
-        }
-        let distance = between.length();
-        let gap = (distance - self.half).max(above);
-        let (cos_x, cos_y) = ((ahead / gap).min(1.0), above / gap);
-        let square = std::f64::consts::PI * 0.5 * (distance * distance + gap * gap);
-        Some(View {
-            ratio: self.size / distance,
-            nearest: self.size / gap,
-            form_factor: (cos_x * cos_y * self.area_m2 / (square + self.area_m2)).min(1.0),
-        })
-    }
-}
-
-/// Narrows `candidates` to those that reach into `shaft`, the hull of `a` and `b`. A new list stands at the end of the scratch list.
-pub fn narrow(
-    occluder: &dyn Occluder,
-    shaft: &Shaft,
-    candidates: Candidates,
-    skip: [u32; 2],
-    a: &[DVec3],
-    b: &[DVec3],
-    scratch: &mut Scratch,
-) -> Candidates {
-    let top = scratch.candidates.len();
-    match candidates {
-        Candidates::Free | Candidates::Hidden => return candidates,
-        Candidates::List(start, end) => {
-            for i in start..end {
-                let face = scratch.candidates[i];
-                if shaft.may_hold(occluder.faces().vertices(face)) {
-                    scratch.candidates.push(face);
-                }
-            }
-        }
-        Candidates::Scene => {
-            if !occluder.candidates(shaft, skip, LIST_LIMIT, &mut scratch.candidates) {
-                return Candidates::Scene;
-            }
-        }
-    }
-    let list = &scratch.candidates[top..];
-    if list.is_empty() {
-        return Candidates::Free;
-    }
-    if list.iter().any(|face| hides(occluder.faces(), *face, a, b)) {
-        scratch.candidates.truncate(top);
-        return Candidates::Hidden;
-    }
-    Candidates::List(top, scratch.candidates.len())
-}
-
-/// Whether a convex face blocks every segment between two convex polygons. It does when it blocks those between their corners: seen from a
-/// point of one, the other projects onto the face's plane within the hull of its corners' projections.
-fn hides(faces: &OpaqueFaces, face: u32, a: &[DVec3], b: &[DVec3]) -> bool {
-    faces.piece_count(face) == 1 && a.iter().all(|p| b.iter().all(|q| faces.blocks(face, *p, *q - *p)))
 }
 
 /// Norm over bands of the mean, and of the part that varies, times √3: the largest value of a linear function over its RMS.

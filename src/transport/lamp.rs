@@ -2,7 +2,8 @@
 
 use glam::DVec3;
 
-use super::gather::{Candidates, Points, Tolerance, norm};
+use super::candidates::Candidates;
+use super::gather::{Points, Tolerance, norm};
 use super::pair::{Scratch, Source};
 use crate::scene::Light;
 use crate::visibility::Occluder;

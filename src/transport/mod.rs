@@ -4,6 +4,7 @@
 //! onto its basis, and judged at further points ([`pair`]). Emitters are integrated hierarchically from each sample point. Nothing here
 //! knows a thread; a pair task borrows the packet and owns the receiver.
 
+pub mod candidates;
 pub mod gather;
 pub mod kernel;
 pub mod lambert;
@@ -13,6 +14,7 @@ pub mod packet;
 pub mod pair;
 pub mod samples;
 pub mod unblocked;
+pub mod view;
 pub mod work;
 
 pub use gather::{Gather, Points};

@@ -6,7 +6,8 @@
 
 use glam::{DVec2, DVec3};
 
-use super::gather::{Candidates, Gather, Points, Tolerance, narrow, norm};
+use super::candidates::{Candidates, narrow};
+use super::gather::{Gather, Points, Tolerance, norm};
 use super::packet::{Packet, Shape, cell_corners};
 use super::samples::{MAX_SAMPLES, Projected, SampleRule};
 use super::unblocked::Fragments;
