@@ -11,7 +11,8 @@ use crate::transport::lamp::Lamp;
 use crate::transport::{Oracle, Rules, SampleRule, Work};
 use crate::visibility::Occluder;
 
-use super::sequential::{Pass, PassStatistics};
+use super::batch::Batches;
+use super::pass::{Pass, PassStatistics};
 
 /// Share of the error that links may use.
 const LINK_SHARE: f64 = 0.9;
@@ -234,16 +235,18 @@ impl<'a, const N: usize> Run<'a, N> {
             direct_only: self.options.direct_only,
             stop_w: UNSHOT_SHARE * allowed_w_m * root_area / (SPREAD * self.gain.max(1e-9)),
             prune_w_m2: 0.02 * allowed_w_m / root_area,
+            batches: Batches::default(),
         };
         let statistics = pass.run(&mut trees, observer);
         let norm = trees.iter().map(Tree::reflected_norm_squared).sum::<f64>().sqrt();
-        let squares = statistics.direct.error_squared + statistics.interreflection.error_squared;
         let unshot = if self.options.direct_only { 0.0 } else { statistics.unshot_w };
         Attempt {
             trees,
             statistics,
             norm,
-            link_error: LINK_CALIBRATION.0 * (LINK_CALIBRATION.1 * self.gain).hypot(1.0) * squares.sqrt(),
+            link_error: LINK_CALIBRATION.0
+                * (LINK_CALIBRATION.1 * self.gain).hypot(1.0)
+                * statistics.error_squared.sqrt(),
             unshot_error: SPREAD * unshot * self.gain / root_area,
         }
     }

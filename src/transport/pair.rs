@@ -216,11 +216,13 @@ pub struct Deposited<const N: usize> {
     pub received_w: [f64; N],
     /// Bound on the power to reflect, all bands, in W: `Σ ‖ρ b_l‖ ∫|φ_l|` over the coefficients.
     pub to_reflect_w: f64,
+    /// Sum of squared link errors `(ρ δ)² A`, W²/m².
+    pub error_squared: f64,
 }
 
 impl<const N: usize> Default for Deposited<N> {
     fn default() -> Self {
-        Self { received_w: [0.0; N], to_reflect_w: 0.0 }
+        Self { received_w: [0.0; N], to_reflect_w: 0.0, error_squared: 0.0 }
     }
 }
 
@@ -330,7 +332,7 @@ impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
         let carried = self.weight * norm(&irradiance[0]);
         self.scratch.work.interactions += 1;
         self.scratch.work.pairs_coarse += 1;
-        self.scratch.work.error_squared += 0.1 * carried * carried * area_m2;
+        self.deposited.error_squared += 0.1 * carried * carried * area_m2;
     }
 
     fn deposit<R: Receiver<N>>(&mut self, receiver: &mut R, light: &[[f64; N]; MAX_FUNCTIONS], area_m2: f64) {
@@ -453,7 +455,7 @@ impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
             }
             if sharp {
                 self.scratch.work.interactions += 1;
-                self.scratch.work.error_squared += link_error * link_error;
+                self.deposited.error_squared += link_error * link_error;
                 self.deposit(receiver, &look.projected.coefficients, area);
                 return None;
             }

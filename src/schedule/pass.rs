@@ -1,12 +1,16 @@
-//! The sequential schedule: direct illumination, then progressive shooting, one pair after the other (the paper's section 4).
+//! A pass over the scene, in batches: direct illumination, what a first solution reflects, then progressive shooting (the paper's
+//! section 4) of what is left.
 
+use std::sync::atomic::AtomicBool;
+use std::sync::atomic::Ordering::Relaxed;
 use std::time::Instant;
 
 use crate::radiosity::{Tree, add_ambient};
 use crate::transport::lamp::Lamp;
-use crate::transport::{Packet, Rules, Scratch, Source, Work, shoot};
+use crate::transport::{Packet, Rules, Scratch, Work};
 use crate::visibility::Occluder;
 
+use super::batch::{Batch, Batches};
 use super::control::{Observer, Stage};
 
 /// What a pass is to do.
@@ -23,6 +27,8 @@ pub struct Pass<'a, const N: usize> {
     pub stop_w: f64,
     /// Detail of packets below this is averaged, in W/m².
     pub prune_w_m2: f64,
+    /// How many surfaces shoot at once.
+    pub batches: Batches,
 }
 
 /// What a pass did.
@@ -32,13 +38,15 @@ pub struct PassStatistics {
     pub direct: Work,
     /// Work in interreflection.
     pub interreflection: Work,
+    /// Sum of the squared link errors in W²/m².
+    pub error_squared: f64,
     /// Seconds in direct illumination.
     pub direct_s: f64,
     /// Seconds in interreflection.
     pub interreflection_s: f64,
     /// Emitters shot, lights included.
     pub shots: u64,
-    /// Batches of shots between which all workers meet.
+    /// Batches of shots; between two of them all receivers must be done.
     pub batches: u64,
     /// Power left unshot in W.
     pub unshot_w: f64,
@@ -56,15 +64,24 @@ impl<const N: usize> Pass<'_, N> {
         let start = Instant::now();
         let mut scratch = Scratch::default();
         let reflected = self.restart(trees);
-        self.direct(trees, &mut scratch, &mut statistics, observer);
-        statistics.direct = std::mem::take(&mut scratch.work);
+        observer.progress(Stage::Direct, 0.0);
+        let emitters: Vec<Packet<N>> = trees
+            .iter()
+            .filter(|tree| tree.exitance_w_m2.iter().any(|m| *m > 0.0))
+            .map(Tree::exitance_packet)
+            .collect();
+        let batch = Batch { lamps: self.lamps, packets: &emitters };
+        self.shoot(&batch, trees, &mut scratch, &mut statistics, observer);
+        statistics.direct = take_work(trees);
+        statistics.first_reflection_w = unshot_w(trees);
         statistics.direct_s = start.elapsed().as_secs_f64();
         let start = Instant::now();
         if !self.direct_only {
             self.interreflect(trees, &reflected, &mut scratch, &mut statistics, observer);
         }
-        statistics.interreflection = scratch.work;
+        statistics.interreflection = take_work(trees);
         statistics.interreflection_s = start.elapsed().as_secs_f64();
+        statistics.error_squared = trees.iter().map(|tree| tree.error_squared).sum();
         statistics.unshot_w = unshot_w(trees);
         statistics
     }
@@ -89,29 +106,6 @@ impl<const N: usize> Pass<'_, N> {
         packets
     }
 
-    fn direct(
-        &self,
-        trees: &mut [Tree<N>],
-        scratch: &mut Scratch,
-        statistics: &mut PassStatistics,
-        observer: &mut dyn Observer,
-    ) {
-        let emitters: Vec<Packet<N>> = trees
-            .iter()
-            .filter(|tree| tree.exitance_w_m2.iter().any(|m| *m > 0.0))
-            .map(Tree::exitance_packet)
-            .collect();
-        let total = (emitters.len() + self.lamps.len()) as f64;
-        for lamp in self.lamps {
-            statistics.first_reflection_w += self.shoot_all(lamp, trees, scratch, statistics, observer);
-            observer.progress(Stage::Direct, statistics.shots as f64 / total);
-        }
-        for packet in &emitters {
-            statistics.first_reflection_w += self.shoot_all(packet, trees, scratch, statistics, observer);
-            observer.progress(Stage::Direct, statistics.shots as f64 / total);
-        }
-    }
-
     fn interreflect(
         &self,
         trees: &mut [Tree<N>],
@@ -120,6 +114,7 @@ impl<const N: usize> Pass<'_, N> {
         statistics: &mut PassStatistics,
         observer: &mut dyn Observer,
     ) {
+        observer.progress(Stage::Interreflection, 0.0);
         let mut shot_w = [0.0; N];
         for tree in trees.iter_mut() {
             tree.indirect_w = [0.0; N];
@@ -128,8 +123,8 @@ impl<const N: usize> Pass<'_, N> {
             for n in 0..N {
                 shot_w[n] += packet.nodes[0].coefficients[0][n] * trees[packet.surface as usize].area_m2;
             }
-            self.shoot_all(packet, trees, scratch, statistics, observer);
         }
+        self.shoot(&Batch { lamps: &[], packets: reflected }, trees, scratch, statistics, observer);
         if !reflected.is_empty() {
             trees.iter_mut().for_each(Tree::measure_unshot);
         }
@@ -141,46 +136,48 @@ impl<const N: usize> Pass<'_, N> {
             }
             // Power decays geometrically: progress on a logarithmic scale.
             observer.progress(Stage::Interreflection, (first / left).ln() / (first / self.stop_w).ln());
-            let brightest = (0..trees.len())
-                .max_by(|a, b| trees[*a].unshot_w.total_cmp(&trees[*b].unshot_w).then(b.cmp(a)))
-                .expect("power is left, so there is a surface");
-            let power_w = trees[brightest].unshot_by_band_w();
-            for n in 0..N {
-                shot_w[n] += power_w[n];
+            let mut packets = Vec::new();
+            for shooter in self.batches.choose(trees) {
+                let power_w = trees[shooter].unshot_by_band_w();
+                for n in 0..N {
+                    shot_w[n] += power_w[n];
+                }
+                packets.push(trees[shooter].take_packet(self.prune_w_m2));
             }
-            let packet = trees[brightest].take_packet(self.prune_w_m2);
-            self.shoot_all(&packet, trees, scratch, statistics, observer);
+            self.shoot(&Batch { lamps: &[], packets: &packets }, trees, scratch, statistics, observer);
         }
     }
 
-    fn shoot_all(
+    fn shoot(
         &self,
-        source: &impl Source<N>,
+        batch: &Batch<'_, N>,
         trees: &mut [Tree<N>],
         scratch: &mut Scratch,
         statistics: &mut PassStatistics,
         observer: &mut dyn Observer,
-    ) -> f64 {
-        let mut to_reflect_w = 0.0;
-        for tree in trees.iter_mut() {
-            if statistics.interrupted {
-                return to_reflect_w;
-            }
-            let deposited = shoot(source, &tree.patch, &mut tree.root, self.occluder, self.rules, scratch);
-            tree.unshot_w += deposited.to_reflect_w;
-            to_reflect_w += deposited.to_reflect_w;
-            for n in 0..N {
-                tree.indirect_w[n] += deposited.received_w[n];
-            }
-            statistics.interrupted = observer.interrupted();
+    ) {
+        if batch.is_empty() {
+            return;
         }
-        statistics.shots += 1;
+        let stop = AtomicBool::new(statistics.interrupted);
+        for tree in trees.iter_mut() {
+            batch.light(tree, self.occluder, self.rules, scratch, &stop);
+            stop.fetch_or(observer.interrupted(), Relaxed);
+        }
+        statistics.interrupted = stop.into_inner();
+        statistics.shots += batch.len() as u64;
         statistics.batches += 1;
-        to_reflect_w
     }
 }
 
 /// Power left to shoot in W, all surfaces.
-pub fn unshot_w<const N: usize>(trees: &[Tree<N>]) -> f64 {
+fn unshot_w<const N: usize>(trees: &[Tree<N>]) -> f64 {
     trees.iter().map(|tree| tree.unshot_w).sum()
+}
+
+/// The work done on all surfaces; their accounts start anew.
+fn take_work<const N: usize>(trees: &mut [Tree<N>]) -> Work {
+    let mut sum = Work::default();
+    trees.iter_mut().for_each(|tree| sum += std::mem::take(&mut tree.work));
+    sum
 }

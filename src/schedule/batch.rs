@@ -1,0 +1,87 @@
+//! A batch: sources that one receiver takes in order before the next receiver does, and the choice of who shoots next.
+//!
+//! Everything a batch changes belongs to one receiver, so the order of receivers, and who takes which, does not show in the result.
+
+use std::sync::atomic::AtomicBool;
+use std::sync::atomic::Ordering::Relaxed;
+
+use crate::radiosity::Tree;
+use crate::transport::{Lamp, Packet, Rules, Scratch, shoot};
+use crate::visibility::Occluder;
+
+/// At most this share of the surfaces that have light to send shoot at once. On the reference scenes at an error of 0.02 batches cost at
+/// most 7 % more interactions and 2 % more evaluations than one shooter at a time, and leave a third of the batches.
+const LARGEST_SHARE: f64 = 0.1;
+
+/// Who joins a batch has at least this share of the brightest's power.
+const LEAST_POWER: f64 = 0.25;
+
+/// How many surfaces shoot between two choices.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Batches {
+    /// As many as cost little more than one at a time would.
+    #[default]
+    Fitted,
+    /// One at a time, as the paper does.
+    Single,
+}
+
+impl Batches {
+    /// Who shoots next, by index: the brightest, and with it those that are nearly as bright.
+    pub fn choose<const N: usize>(self, trees: &[Tree<N>]) -> Vec<usize> {
+        let mut lit: Vec<usize> = (0..trees.len()).filter(|i| trees[*i].unshot_w > 0.0).collect();
+        lit.sort_by(|a, b| trees[*b].unshot_w.total_cmp(&trees[*a].unshot_w).then(a.cmp(b)));
+        let most = match self {
+            Batches::Single => 1,
+            Batches::Fitted => ((LARGEST_SHARE * lit.len() as f64) as usize).max(1),
+        };
+        lit.truncate(most);
+        let Some(brightest) = lit.first().map(|i| trees[*i].unshot_w) else { return lit };
+        lit.retain(|i| trees[*i].unshot_w >= LEAST_POWER * brightest);
+        lit.sort_unstable();
+        lit
+    }
+}
+
+/// Sources that are shot together.
+#[derive(Clone, Copy, Debug)]
+pub struct Batch<'a, const N: usize> {
+    /// Lights without area; they come first.
+    pub lamps: &'a [Lamp<N>],
+    /// What surfaces send.
+    pub packets: &'a [Packet<N>],
+}
+
+impl<const N: usize> Batch<'_, N> {
+    /// Number of sources.
+    pub fn len(&self) -> usize {
+        self.lamps.len() + self.packets.len()
+    }
+
+    /// Whether there is nothing to shoot.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Shoots all sources to one receiver, in order, until `stop` is set.
+    pub fn light(
+        &self,
+        tree: &mut Tree<N>,
+        occluder: &dyn Occluder,
+        rules: &Rules,
+        scratch: &mut Scratch,
+        stop: &AtomicBool,
+    ) {
+        // Relaxed: the flag carries no data with it.
+        let go_on = || !stop.load(Relaxed);
+        for lamp in self.lamps.iter().take_while(|_| go_on()) {
+            let deposited = shoot(lamp, &tree.patch, &mut tree.root, occluder, rules, scratch);
+            tree.book(&deposited);
+        }
+        for packet in self.packets.iter().take_while(|_| go_on()) {
+            let deposited = shoot(packet, &tree.patch, &mut tree.root, occluder, rules, scratch);
+            tree.book(&deposited);
+        }
+        tree.work += std::mem::take(&mut scratch.work);
+    }
+}
