@@ -2,12 +2,11 @@
 //!
 //! Everything a batch changes belongs to one receiver, so the order of receivers, and who takes which, does not show in the result.
 
-use std::sync::atomic::AtomicBool;
-use std::sync::atomic::Ordering::Relaxed;
-
 use crate::radiosity::Tree;
-use crate::transport::{Lamp, Packet, Rules, Scratch, shoot};
+use crate::transport::{Helpers, Lamp, Packet, Rules, Scratch, shoot};
 use crate::visibility::Occluder;
+
+use super::watch::Watch;
 
 /// At most this share of the surfaces that have light to send shoot at once. On the reference scenes at an error of 0.02 batches cost at
 /// most 7 % more interactions and 2 % more evaluations than one shooter at a time, and leave a third of the batches.
@@ -63,25 +62,55 @@ impl<const N: usize> Batch<'_, N> {
         self.len() == 0
     }
 
-    /// Shoots all sources to one receiver, in order, until `stop` is set.
-    pub fn light(
+    /// Shoots all sources to one receiver, in order, until told to stop.
+    pub(super) fn light(
         &self,
         tree: &mut Tree<N>,
-        occluder: &dyn Occluder,
-        rules: &Rules,
+        (occluder, rules): (&dyn Occluder, &Rules),
         scratch: &mut Scratch,
-        stop: &AtomicBool,
+        helpers: Option<&dyn Helpers>,
+        watch: &Watch,
     ) {
-        // Relaxed: the flag carries no data with it.
-        let go_on = || !stop.load(Relaxed);
+        let go_on = || !watch.stopped();
         for lamp in self.lamps.iter().take_while(|_| go_on()) {
-            let deposited = shoot(lamp, &tree.patch, &mut tree.root, occluder, rules, scratch);
+            let deposited = shoot(lamp, &tree.patch, &mut tree.root, occluder, rules, scratch, helpers);
             tree.book(&deposited);
         }
         for packet in self.packets.iter().take_while(|_| go_on()) {
-            let deposited = shoot(packet, &tree.patch, &mut tree.root, occluder, rules, scratch);
+            let deposited = shoot(packet, &tree.patch, &mut tree.root, occluder, rules, scratch, helpers);
             tree.book(&deposited);
         }
         tree.work += std::mem::take(&mut scratch.work);
+        watch.receiver_done();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::Basis;
+    use crate::radiosity::trees;
+    use crate::scene::{read::read_file, surfaces};
+
+    #[test]
+    fn shooters_follow_from_the_energy_alone() {
+        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/furnished-room.iv");
+        let mut trees = trees::<3>(&surfaces(&read_file(&path).unwrap()), Basis::Haar);
+        let count = trees.len();
+        assert_eq!(Batches::Fitted.choose(&trees), [0; 0], "nothing is lit");
+        trees[3].unshot_w = 1e-9;
+        assert_eq!(Batches::Fitted.choose(&trees), [3], "one shoots, however dim");
+        for (i, tree) in trees.iter_mut().enumerate() {
+            tree.unshot_w = 1.0 + (i % 7) as f64 / 10.0;
+        }
+        let even = Batches::Fitted.choose(&trees);
+        assert_eq!(even.len(), count / 10);
+        assert!(
+            even.is_sorted() && even.iter().all(|i| i % 7 == 6),
+            "the brightest, in the order of the surfaces"
+        );
+        assert_eq!(Batches::Single.choose(&trees), [6]);
+        trees[10].unshot_w = 10.0;
+        assert_eq!(Batches::Fitted.choose(&trees), [10], "the others are too dim beside it");
     }
 }

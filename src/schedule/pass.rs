@@ -1,17 +1,21 @@
 //! A pass over the scene, in batches: direct illumination, what a first solution reflects, then progressive shooting (the paper's
 //! section 4) of what is left.
 
-use std::sync::atomic::AtomicBool;
-use std::sync::atomic::Ordering::Relaxed;
 use std::time::Instant;
+
+use ccnuma::WorkerPanic;
 
 use crate::radiosity::{Tree, add_ambient};
 use crate::transport::lamp::Lamp;
-use crate::transport::{Packet, Rules, Scratch, Work};
+use crate::transport::{Packet, Rules, Work};
 use crate::visibility::Occluder;
 
 use super::batch::{Batch, Batches};
-use super::control::{Observer, Stage};
+use super::crew::Crew;
+use super::watch::{Stage, Watch};
+
+/// Share of interreflection that sending a first solution's light takes, for the progress shown.
+const REFLECTED_SHARE: f64 = 0.8;
 
 /// What a pass is to do.
 pub struct Pass<'a, const N: usize> {
@@ -48,6 +52,8 @@ pub struct PassStatistics {
     pub shots: u64,
     /// Batches of shots; between two of them all receivers must be done.
     pub batches: u64,
+    /// Cost of the costliest receiver of each batch, summed: the least time with any number of workers if receivers were not divided.
+    pub costliest: u64,
     /// Power left unshot in W.
     pub unshot_w: f64,
     /// Power sent by the lights in W that arrived, reflected once.
@@ -59,92 +65,111 @@ pub struct PassStatistics {
 impl<const N: usize> Pass<'_, N> {
     /// Runs the pass. Trees that hold light are taken as a first solution: every surface sends what it reflects by it once, and from
     /// then on only what the new solution differs from the old.
-    pub fn run(&self, trees: &mut [Tree<N>], observer: &mut dyn Observer) -> PassStatistics {
+    pub(super) fn run(
+        &self,
+        trees: &mut [Tree<N>],
+        crew: &mut Crew<'_>,
+        watch: &Watch,
+    ) -> Result<PassStatistics, WorkerPanic> {
         let mut statistics = PassStatistics::default();
         let start = Instant::now();
-        let mut scratch = Scratch::default();
-        let reflected = self.restart(trees);
-        observer.progress(Stage::Direct, 0.0);
+        watch.stage(Stage::Direct);
+        crew.settle(trees);
+        let reflected = self.restart(trees, crew)?;
         let emitters: Vec<Packet<N>> = trees
             .iter()
             .filter(|tree| tree.exitance_w_m2.iter().any(|m| *m > 0.0))
             .map(Tree::exitance_packet)
             .collect();
-        let batch = Batch { lamps: self.lamps, packets: &emitters };
-        self.shoot(&batch, trees, &mut scratch, &mut statistics, observer);
+        watch.batch(0.0, 1.0, trees.len());
+        self.shoot(&Batch { lamps: self.lamps, packets: &emitters }, trees, crew, watch, &mut statistics)?;
         statistics.direct = take_work(trees);
         statistics.first_reflection_w = unshot_w(trees);
         statistics.direct_s = start.elapsed().as_secs_f64();
         let start = Instant::now();
         if !self.direct_only {
-            self.interreflect(trees, &reflected, &mut scratch, &mut statistics, observer);
+            self.interreflect(trees, &reflected, crew, watch, &mut statistics)?;
         }
         statistics.interreflection = take_work(trees);
         statistics.interreflection_s = start.elapsed().as_secs_f64();
         statistics.error_squared = trees.iter().map(|tree| tree.error_squared).sum();
         statistics.unshot_w = unshot_w(trees);
-        statistics
+        statistics.interrupted = watch.stopped();
+        Ok(statistics)
     }
 
-    /// Takes the light that the trees reflect into packets. Surfaces that reflect least, together half of what may be left unshot, send
-    /// nothing yet.
-    fn restart(&self, trees: &mut [Tree<N>]) -> Vec<Packet<N>> {
-        trees.iter_mut().for_each(Tree::unshoot);
+    /// Takes the light that the trees reflect into packets, the brightest first. Surfaces that reflect least, together half of what may be
+    /// left unshot, send nothing yet.
+    fn restart(&self, trees: &mut [Tree<N>], crew: &mut Crew<'_>) -> Result<Vec<Packet<N>>, WorkerPanic> {
+        crew.map(trees, |_| true, Tree::unshoot)?;
         let mut order: Vec<usize> = (0..trees.len()).collect();
         order.sort_by(|a, b| trees[*b].unshot_w.total_cmp(&trees[*a].unshot_w).then(a.cmp(b)));
         let mut left = unshot_w(trees);
-        let mut packets = Vec::new();
-        for index in order {
-            let tree = &mut trees[index];
+        let mut rank = vec![None; trees.len()];
+        for (place, index) in order.into_iter().enumerate() {
             if left > 0.5 * self.stop_w {
-                left -= tree.unshot_w;
-                packets.push(tree.restart(self.prune_w_m2));
-            } else {
-                tree.darken();
+                left -= trees[index].unshot_w;
+                rank[index] = Some(place);
             }
         }
-        packets
+        let rank = |surface: u32| rank[surface as usize];
+        let restart = |tree: &mut Tree<N>| match rank(tree.patch.surface) {
+            Some(_) => Some(tree.restart(self.prune_w_m2)),
+            None => {
+                tree.darken();
+                None
+            }
+        };
+        let mut packets: Vec<Packet<N>> = crew.map(trees, |_| true, restart)?.into_iter().flatten().collect();
+        packets.sort_by_key(|packet| rank(packet.surface));
+        Ok(packets)
     }
 
     fn interreflect(
         &self,
         trees: &mut [Tree<N>],
         reflected: &[Packet<N>],
-        scratch: &mut Scratch,
+        crew: &mut Crew<'_>,
+        watch: &Watch,
         statistics: &mut PassStatistics,
-        observer: &mut dyn Observer,
-    ) {
-        observer.progress(Stage::Interreflection, 0.0);
+    ) -> Result<(), WorkerPanic> {
+        watch.stage(Stage::Interreflection);
         let mut shot_w = [0.0; N];
         for tree in trees.iter_mut() {
             tree.indirect_w = [0.0; N];
         }
-        for packet in reflected {
-            for n in 0..N {
-                shot_w[n] += packet.nodes[0].coefficients[0][n] * trees[packet.surface as usize].area_m2;
-            }
-        }
-        self.shoot(&Batch { lamps: &[], packets: reflected }, trees, scratch, statistics, observer);
+        let mut done = 0.0;
         if !reflected.is_empty() {
-            trees.iter_mut().for_each(Tree::measure_unshot);
+            for packet in reflected {
+                for n in 0..N {
+                    shot_w[n] += packet.nodes[0].coefficients[0][n] * trees[packet.surface as usize].area_m2;
+                }
+            }
+            watch.batch(0.0, REFLECTED_SHARE, trees.len());
+            self.shoot(&Batch { lamps: &[], packets: reflected }, trees, crew, watch, statistics)?;
+            crew.map(trees, |_| true, Tree::measure_unshot)?;
+            done = REFLECTED_SHARE;
         }
         let first = unshot_w(trees);
         loop {
             let left = unshot_w(trees);
-            if left <= self.stop_w || statistics.interrupted {
-                return add_ambient(trees, &shot_w);
+            if left <= self.stop_w || watch.stopped() {
+                add_ambient(trees, &shot_w);
+                return Ok(());
             }
             // Power decays geometrically: progress on a logarithmic scale.
-            observer.progress(Stage::Interreflection, (first / left).ln() / (first / self.stop_w).ln());
-            let mut packets = Vec::new();
-            for shooter in self.batches.choose(trees) {
-                let power_w = trees[shooter].unshot_by_band_w();
+            let share = done + (1.0 - done) * (first / left).ln() / (first / self.stop_w).ln();
+            watch.batch(share, share, trees.len());
+            let shooters = self.batches.choose(trees);
+            for shooter in &shooters {
+                let power_w = trees[*shooter].unshot_by_band_w();
                 for n in 0..N {
                     shot_w[n] += power_w[n];
                 }
-                packets.push(trees[shooter].take_packet(self.prune_w_m2));
             }
-            self.shoot(&Batch { lamps: &[], packets: &packets }, trees, scratch, statistics, observer);
+            let shoots = |tree: &Tree<N>| shooters.binary_search(&(tree.patch.surface as usize)).is_ok();
+            let packets = crew.map(trees, shoots, |tree| tree.take_packet(self.prune_w_m2))?;
+            self.shoot(&Batch { lamps: &[], packets: &packets }, trees, crew, watch, statistics)?;
         }
     }
 
@@ -152,21 +177,19 @@ impl<const N: usize> Pass<'_, N> {
         &self,
         batch: &Batch<'_, N>,
         trees: &mut [Tree<N>],
-        scratch: &mut Scratch,
+        crew: &mut Crew<'_>,
+        watch: &Watch,
         statistics: &mut PassStatistics,
-        observer: &mut dyn Observer,
-    ) {
+    ) -> Result<(), WorkerPanic> {
         if batch.is_empty() {
-            return;
+            return Ok(());
         }
-        let stop = AtomicBool::new(statistics.interrupted);
-        for tree in trees.iter_mut() {
-            batch.light(tree, self.occluder, self.rules, scratch, &stop);
-            stop.fetch_or(observer.interrupted(), Relaxed);
-        }
-        statistics.interrupted = stop.into_inner();
+        statistics.costliest += crew.light(trees, |tree, scratch, helpers| {
+            batch.light(tree, (self.occluder, self.rules), scratch, helpers, watch);
+        })?;
         statistics.shots += batch.len() as u64;
         statistics.batches += 1;
+        Ok(())
     }
 }
 
