@@ -270,8 +270,10 @@ fn schedules_differ_in_who_works_only_and_the_report_says_who_did() {
                 .sum();
             assert!((spent - time).abs() < 0.1 * time, "{worker} in {time} s");
         }
-        let costliest = report["work"]["costliest_receivers"].as_f64().unwrap();
-        assert!((0.1..1.0).contains(&costliest), "{costliest}: one of nine receivers");
+        let work = |of: &str| report["work"][of].as_f64().unwrap();
+        let (receiver, chain) = (work("longest_receivers"), work("longest_chains"));
+        assert!((0.1..1.0).contains(&receiver), "{receiver}: one of nine receivers");
+        assert!(0.0 < chain && chain < 0.5 * receiver, "{chain}: receivers are divided");
     }
     let bytes = |name| std::fs::read(place.at(name)).unwrap();
     assert!(bytes("sequential1.wrad") == bytes("stealing3.wrad"));

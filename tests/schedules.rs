@@ -63,6 +63,7 @@ fn bits(outcome: &Outcome) -> Vec<u64> {
 fn assert_same(found: &Outcome, expected: &Outcome, what: &str) {
     assert_eq!(found.work, expected.work, "{what}: other work was done");
     assert_eq!(found.elements, expected.elements, "{what}");
+    assert_eq!(found.statistics.longest, expected.statistics.longest, "{what}");
     assert!(bits(found) == bits(expected), "{what}: the solutions differ");
 }
 

@@ -96,7 +96,8 @@ fn work(solved: &Solved) -> Work {
         shots: outcome.statistics.shots,
         batches: outcome.statistics.batches,
         passes: outcome.passes as u64,
-        costliest_receivers: outcome.costliest_share,
+        longest_receivers: outcome.longest_receivers,
+        longest_chains: outcome.longest_chains,
     }
 }
 

@@ -167,9 +167,11 @@ pub struct Work {
     pub batches: u64,
     /// Passes at decreasing thresholds, the pilot included. The counts above are of all of them.
     pub passes: u64,
-    /// Share of the last pass' evaluations that went to the costliest receiver of each batch: were receivers not divided between workers, no number
-    /// of workers would be faster than this share of the sequential time.
-    pub costliest_receivers: f64,
+    /// Share of the last pass' cost, in evaluations, in the costliest receiver of each batch: were receivers not divided between workers, no
+    /// number of workers would be faster than this share of the sequential time.
+    pub longest_receivers: f64,
+    /// The same for the longest chain of parts that wait for each other, from a receiver down to a leaf: no number of workers is faster.
+    pub longest_chains: f64,
 }
 
 /// The solution in numbers.
@@ -325,7 +327,8 @@ pub(super) mod tests {
                 shots: 96,
                 batches: 7,
                 passes: 2,
-                costliest_receivers: 0.07,
+                longest_receivers: 0.07,
+                longest_chains: 0.01,
             },
             result: Outcome {
                 elements: 48_213,

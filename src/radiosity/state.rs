@@ -29,6 +29,8 @@ pub struct Tree<const N: usize> {
     pub error_squared: f64,
     /// Work done to light it in the stage at hand.
     pub work: Work,
+    /// Cost of the longest chain of parts of that work that wait for each other.
+    pub span: u64,
     outline: Option<Box<[glam::DVec2]>>,
 }
 
@@ -46,6 +48,7 @@ impl<const N: usize> Tree<N> {
             indirect_w: [0.0; N],
             error_squared: 0.0,
             work: Work::default(),
+            span: 0,
             outline: (!surface.full).then(|| surface.outline.clone().into_boxed_slice()),
         }
     }
@@ -96,6 +99,7 @@ impl<const N: usize> Tree<N> {
     pub fn book(&mut self, deposited: &Deposited<N>) {
         self.unshot_w += deposited.to_reflect_w;
         self.error_squared += deposited.error_squared;
+        self.span += deposited.span;
         for n in 0..N {
             self.indirect_w[n] += deposited.received_w[n];
         }

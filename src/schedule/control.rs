@@ -64,8 +64,10 @@ pub struct Outcome {
     pub passes: usize,
     /// Share of the first reflection's power left unshot.
     pub unshot_fraction: f64,
-    /// Share of the last pass' evaluations that went to the costliest receiver of each batch.
-    pub costliest_share: f64,
+    /// Share of the last pass' cost in the costliest receiver of each batch: no team that leaves receivers whole can be faster.
+    pub longest_receivers: f64,
+    /// Share of the last pass' cost in the longest chain of dependent parts in each batch: no team at all can be faster.
+    pub longest_chains: f64,
     /// Leaf elements.
     pub elements: u64,
 }
@@ -283,8 +285,11 @@ impl<'a, const N: usize> Run<'a, N> {
             incomplete: statistics.interrupted,
         };
         let elements = attempt.trees.iter().map(|tree| tree.root.leaves()).sum();
+        let cost = attempt.work().cost().max(1) as f64;
+        let share = |longest: u64| longest as f64 / cost;
         Ok(Outcome {
-            costliest_share: statistics.costliest as f64 / attempt.work().cost().max(1) as f64,
+            longest_receivers: share(statistics.longest.receiver),
+            longest_chains: share(statistics.longest.chain),
             unshot_fraction: if first > 0.0 { statistics.unshot_w / first } else { 0.0 },
             elements,
             statistics,

@@ -14,6 +14,15 @@ use crate::transport::{Half, Helpers, Scratch};
 
 use super::homes::homes;
 
+/// What no number of workers can be faster than, as costs ([`crate::transport::Work::cost`]); summed over batches.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Longest {
+    /// The costliest receiver, if receivers are not divided.
+    pub receiver: u64,
+    /// The longest chain of parts that wait for each other, if they are.
+    pub chain: u64,
+}
+
 /// Who works, and where receivers are at home.
 pub(super) struct Crew<'t> {
     hands: Hands<'t>,
@@ -105,13 +114,13 @@ impl<'t> Crew<'t> {
         self.work.fill(0);
     }
 
-    /// Has every tree lit by `task`, which counts what it does in the tree's account; returns the cost of the costliest.
+    /// Has every tree lit by `task`, which counts what it does in the tree's account.
     pub fn light<const N: usize>(
         &mut self,
         trees: &mut [Tree<N>],
         task: impl Fn(&mut Tree<N>, &mut Scratch, Option<&dyn Helpers>) + Sync,
-    ) -> Result<u64, WorkerPanic> {
-        let before: Vec<u64> = trees.iter().map(|tree| tree.work.cost()).collect();
+    ) -> Result<Longest, WorkerPanic> {
+        let before: Vec<(u64, u64)> = trees.iter().map(|tree| (tree.work.cost(), tree.span)).collect();
         match &mut self.hands {
             Hands::Alone(scratch) => trees.iter_mut().for_each(|tree| task(tree, scratch, None)),
             Hands::Team(team, scratches) => {
@@ -126,13 +135,14 @@ impl<'t> Crew<'t> {
                 })?;
             }
         }
-        let mut costliest = 0;
+        let mut longest = Longest::default();
         for (i, tree) in trees.iter().enumerate() {
-            self.costs[i] = tree.work.cost() - before[i];
+            self.costs[i] = tree.work.cost() - before[i].0;
             self.work[i] += self.costs[i];
-            costliest = costliest.max(self.costs[i]);
+            longest.receiver = longest.receiver.max(self.costs[i]);
+            longest.chain = longest.chain.max(tree.span - before[i].1);
         }
-        Ok(costliest)
+        Ok(longest)
     }
 
     /// Calls `each` on those of the trees for which `chosen` holds, on their home nodes, and returns the results in the trees' order.

@@ -18,4 +18,5 @@ mod watch;
 
 pub use batch::Batches;
 pub use control::{Options, Outcome, Schedule, solve, solve_by};
+pub use crew::Longest;
 pub use watch::{Observer, Silent, Stage};

@@ -11,7 +11,7 @@ use crate::transport::{Packet, Rules, Work};
 use crate::visibility::Occluder;
 
 use super::batch::{Batch, Batches};
-use super::crew::Crew;
+use super::crew::{Crew, Longest};
 use super::watch::{Stage, Watch};
 
 /// Share of interreflection that sending a first solution's light takes, for the progress shown.
@@ -52,8 +52,8 @@ pub struct PassStatistics {
     pub shots: u64,
     /// Batches of shots; between two of them all receivers must be done.
     pub batches: u64,
-    /// Cost of the costliest receiver of each batch, summed: the least time with any number of workers if receivers were not divided.
-    pub costliest: u64,
+    /// What no number of workers can be faster than.
+    pub longest: Longest,
     /// Power left unshot in W.
     pub unshot_w: f64,
     /// Power sent by the lights in W that arrived, reflected once.
@@ -184,9 +184,11 @@ impl<const N: usize> Pass<'_, N> {
         if batch.is_empty() {
             return Ok(());
         }
-        statistics.costliest += crew.light(trees, |tree, scratch, helpers| {
+        let longest = crew.light(trees, |tree, scratch, helpers| {
             batch.light(tree, (self.occluder, self.rules), scratch, helpers, watch);
         })?;
+        statistics.longest.receiver += longest.receiver;
+        statistics.longest.chain += longest.chain;
         statistics.shots += batch.len() as u64;
         statistics.batches += 1;
         Ok(())
@@ -201,6 +203,9 @@ fn unshot_w<const N: usize>(trees: &[Tree<N>]) -> f64 {
 /// The work done on all surfaces; their accounts start anew.
 fn take_work<const N: usize>(trees: &mut [Tree<N>]) -> Work {
     let mut sum = Work::default();
-    trees.iter_mut().for_each(|tree| sum += std::mem::take(&mut tree.work));
+    for tree in trees {
+        sum += std::mem::take(&mut tree.work);
+        tree.span = 0;
+    }
     sum
 }

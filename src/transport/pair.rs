@@ -221,21 +221,25 @@ pub struct Deposited<const N: usize> {
     pub to_reflect_w: f64,
     /// Sum of squared link errors `(ρ δ)² A`, W²/m².
     pub error_squared: f64,
+    /// Cost of the longest chain of parts that wait for each other: from the whole receiver down to one of its leaves.
+    pub span: u64,
 }
 
 impl<const N: usize> Default for Deposited<N> {
     fn default() -> Self {
-        Self { received_w: [0.0; N], to_reflect_w: 0.0, error_squared: 0.0 }
+        Self { received_w: [0.0; N], to_reflect_w: 0.0, error_squared: 0.0, span: 0 }
     }
 }
 
-impl<const N: usize> std::ops::AddAssign for Deposited<N> {
-    fn add_assign(&mut self, o: Self) {
+impl<const N: usize> Deposited<N> {
+    /// Adds what another part brought that waits for none of these.
+    fn add_beside(&mut self, o: Self) {
         for n in 0..N {
             self.received_w[n] += o.received_w[n];
         }
         self.to_reflect_w += o.to_reflect_w;
         self.error_squared += o.error_squared;
+        self.span = self.span.max(o.span);
     }
 }
 
@@ -413,7 +417,9 @@ impl<'a, const N: usize, S: Source<N>> Shoot<'a, N, S> {
         let point = [self.patch.frame.point(uv)];
         let tolerance = Tolerance { relative: COARSE, absolute_w_m2: 0.5 * estimate_w_m2 };
         let mut irradiance = [[0.0; N]];
+        let before = self.scratch.work.cost();
         self.gather(&point, &point, &point, Candidates::Scene, tolerance, &mut irradiance, &mut [0.0]);
+        self.deposited.span = self.scratch.work.cost() - before;
         let mut coefficients = [[0.0; N]; MAX_FUNCTIONS];
         coefficients[0] = irradiance[0];
         self.deposit(receiver, &coefficients, area_m2);
@@ -462,6 +468,7 @@ impl<'a, const N: usize, S: Source<N>> Shoot<'a, N, S> {
         if !self.source.reaches(self.patch.frame.normal, &hull) {
             return;
         }
+        let before = self.scratch.work.cost();
         let candidates = self.narrow(&hull, candidates);
         if level == 0 && candidates == Candidates::Free {
             self.scratch.work.pairs_unoccluded += 1;
@@ -474,7 +481,11 @@ impl<'a, const N: usize, S: Source<N>> Shoot<'a, N, S> {
             Oracle::Uniform(depth) if level < depth => Some(Split::Both),
             _ => self.try_link(receiver, &cell, &hull, candidates),
         };
-        let Some(wanted) = split else { return };
+        let cost = self.scratch.work.cost() - before;
+        let Some(wanted) = split else {
+            self.deposited.span = cost;
+            return;
+        };
         if receiver.split().is_none() {
             let shape = receiver.shape();
             let shapes =
@@ -483,6 +494,7 @@ impl<'a, const N: usize, S: Source<N>> Shoot<'a, N, S> {
         }
         let split = receiver.split().unwrap_or(wanted);
         self.visit_children(receiver, cell, split, candidates, level + 1);
+        self.deposited.span += cost;
     }
 
     /// Visits the children. What they receive is summed child by child, so that it is the same whoever visited them.
@@ -507,12 +519,12 @@ impl<'a, const N: usize, S: Source<N>> Shoot<'a, N, S> {
             };
             let mut parts: Vec<Part<'_, N, R>> = children.map(part).collect();
             self.setting().visit_parts(helpers, self.scratch, &mut parts, candidates, &blockers, level);
-            parts.iter().for_each(|part| sum += part.deposited);
+            parts.iter().for_each(|part| sum.add_beside(part.deposited));
         } else {
             for (index, child) in children {
                 let top = self.scratch.candidates.len();
                 self.visit(child, cell.child(split, index), candidates, level);
-                sum += std::mem::take(&mut self.deposited);
+                sum.add_beside(std::mem::take(&mut self.deposited));
                 self.scratch.candidates.truncate(top);
             }
         }
