@@ -99,10 +99,21 @@ fn wrong_usage_ends_with_2_says_what_is_available_and_writes_nothing() {
             "solve box.iv --visibility bsp",
             "--visibility bsp: not available in this version of wrad; available: bvh, none",
         ),
-        ("solve box.iv --schedule stealing", "available: sequential"),
-        ("solve box.iv --threads 4", "--threads 4: not available in this version of wrad; available: 1"),
-        ("solve box.iv --threads 0", "--threads 0: there is no such value; available: 1"),
-        ("solve box.iv --pin compact", "--pin compact: not available"),
+        (
+            "solve box.iv --schedule outer-loop",
+            "--schedule outer-loop: not available in this version of wrad; available: sequential, inner-loop, stealing",
+        ),
+        ("solve box.iv --schedule fast", "--schedule fast: there is no such value"),
+        ("solve box.iv --threads 0", "--threads 0: expected a number of workers, at least 1"),
+        ("solve box.iv --threads -2", "--threads -2: expected a number of workers"),
+        ("solve box.iv --threads 100000", "100000"),
+        ("solve box.iv --pin compakt", "compakt"),
+        ("solve box.iv --pin 0,0", "twice"),
+        (
+            "solve box.iv --schedule sequential --threads 2",
+            "--threads 2: --schedule sequential runs on one thread",
+        ),
+        ("solve box.iv --schedule sequential --pin compact", "leave --pin out or name another schedule"),
         ("solve box.iv --memory node", "--memory node: not available"),
         ("solve box.iv --counters hardware", "--counters hardware: not available"),
         ("solve box.iv --probes p.csv", "--probes-out"),
@@ -196,7 +207,8 @@ fn a_run_writes_its_results_and_the_report_says_what_happened() {
     assert!(report["result"]["energy_balance"].as_f64().unwrap().abs() < 0.1, "{}", report["result"]);
     assert!(report["work"]["visibility_rays"].as_u64().unwrap() > 0);
     assert!(report["counters"]["unavailable"].as_str().is_some());
-    assert!(report["workers"][0]["cpu"]["unavailable"].as_str().is_some());
+    assert_eq!(options["schedule"], "stealing");
+    assert_eq!(report["workers"].as_array().unwrap().len() as u64, options["threads"].as_u64().unwrap());
     let times = &report["time_s"];
     let sum: f64 = ["load", "build", "direct", "interreflection", "output"]
         .iter()
@@ -229,6 +241,43 @@ fn equal_runs_give_equal_bytes() {
     assert_eq!(place.text("1.csv"), place.text("2.csv"));
     let bytes = |name| std::fs::read(place.at(name)).unwrap();
     assert!(bytes("1.wrad") == bytes("2.wrad"));
+}
+
+#[test]
+fn schedules_differ_in_who_works_only_and_the_report_says_who_did() {
+    let place = Place::new();
+    let cases =
+        [("sequential", "", 1), ("stealing", "--threads 3 --pin none", 3), ("stealing", "--threads 1", 1)];
+    for (schedule, workers, count) in cases {
+        let results = format!("--out {schedule}{count}.wrad --report a.json --quiet");
+        let (code, _, err) =
+            place.run(&format!("solve box.iv --error 0.2 --schedule {schedule} {workers} {results}"));
+        assert_eq!(code, 0, "{err}");
+        let report = place.json("a.json");
+        assert_eq!(
+            (&report["options"]["schedule"], &report["options"]["threads"]),
+            (&schedule.into(), &count.into())
+        );
+        let seconds = |worker: &Value, of: &str| worker[of].as_f64().unwrap();
+        let time = seconds(&report["time_s"], "direct") + seconds(&report["time_s"], "interreflection");
+        let members = report["workers"].as_array().unwrap();
+        assert_eq!(members.len(), count);
+        for worker in members {
+            assert_eq!(worker["cpu"].is_u64(), workers == "--threads 1", "{worker}");
+            let spent: f64 = ["busy_s", "idle_s", "steal_s", "barrier_s", "lock_s"]
+                .iter()
+                .map(|of| seconds(worker, of))
+                .sum();
+            assert!((spent - time).abs() < 0.1 * time, "{worker} in {time} s");
+        }
+        let work = |of: &str| report["work"][of].as_f64().unwrap();
+        let (receiver, chain) = (work("longest_receivers"), work("longest_chains"));
+        assert!((0.1..1.0).contains(&receiver), "{receiver}: one of nine receivers");
+        assert!(0.0 < chain && chain < 0.5 * receiver, "{chain}: receivers are divided");
+    }
+    let bytes = |name| std::fs::read(place.at(name)).unwrap();
+    assert!(bytes("sequential1.wrad") == bytes("stealing3.wrad"));
+    assert!(bytes("sequential1.wrad") == bytes("stealing1.wrad"));
 }
 
 #[test]

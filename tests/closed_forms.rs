@@ -163,7 +163,7 @@ fn form_factor(emitter: &[[f64; 3]], receiver: &[[f64; 3]], basis: Basis, thresh
         samples: SampleRule::new(basis),
     };
     let tree = &mut trees[1];
-    let deposited = shoot(&packet, &tree.patch, &mut tree.root, &bvh, &rules, &mut Scratch::default());
+    let deposited = shoot(&packet, &tree.patch, &mut tree.root, &bvh, &rules, &mut Scratch::default(), None);
     deposited.received_w[0] / tree.area_m2
 }
 
@@ -214,7 +214,7 @@ fn uniform_error(basis: Basis, depth: u8) -> f64 {
         samples: SampleRule::new(basis),
     };
     let tree = &mut trees[1];
-    shoot(&packet, &tree.patch, &mut tree.root, &bvh, &rules, &mut Scratch::default());
+    shoot(&packet, &tree.patch, &mut tree.root, &bvh, &rules, &mut Scratch::default(), None);
     let field = tree.field();
     let corners = lamp.map(DVec3::from_array);
     let (mut sum, n) = (0.0, 97);

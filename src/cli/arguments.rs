@@ -95,15 +95,16 @@ pub struct SolveArguments {
     /// Computes direct illumination only.
     #[arg(long)]
     pub direct_only: bool,
-    /// Who computes which pair when: sequential.
-    #[arg(long, value_name = "NAME", default_value = "sequential")]
+    /// Who computes which pair when: sequential, inner-loop or stealing. None of them shows in the result but inner-loop, in which
+    /// surfaces shoot one at a time.
+    #[arg(long, value_name = "NAME", default_value = super::workers::DEFAULT_SCHEDULE)]
     pub schedule: String,
-    /// Worker threads: 1.
-    #[arg(long, value_name = "N", default_value = "1", allow_negative_numbers = true)]
-    pub threads: String,
-    /// Which worker on which CPU: none.
-    #[arg(long, value_name = "POLICY", default_value = "none")]
-    pub pin: String,
+    /// Workers; one per core, or per CPU of a list, where not given.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub threads: Option<String>,
+    /// Which worker on which CPU: compact, scatter, none, or a list of CPUs such as 0,2,4-7 [default: compact].
+    #[arg(long, value_name = "POLICY")]
+    pub pin: Option<String>,
     /// Where elements lie in memory: malloc.
     #[arg(long, value_name = "POLICY", default_value = "malloc")]
     pub memory: String,

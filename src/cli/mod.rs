@@ -20,6 +20,7 @@ mod render;
 mod report;
 mod solve;
 mod topology;
+mod workers;
 
 pub use arguments::Arguments;
 pub use error::{Error, Status};

@@ -12,6 +12,7 @@ use super::arguments::{Command, InfoArguments, RenderArguments, SolveArguments};
 use super::choice::{choose, positive};
 use super::generate::GeneratePlan;
 use super::topology::TopologyPlan;
+use super::workers::{DEFAULT_SCHEDULE, Workers};
 use super::{Arguments, Error, Status, files, info, render, solve};
 
 /// Solved to this error where none is asked for.
@@ -21,7 +22,7 @@ const DEFAULT_ERROR: f64 = 0.01;
 #[derive(Clone, Debug)]
 pub enum Plan {
     /// `wrad solve`.
-    Solve(SolvePlan),
+    Solve(Box<SolvePlan>),
     /// `wrad render`.
     Render(RenderPlan),
     /// `wrad info`.
@@ -39,6 +40,8 @@ pub struct SolvePlan {
     pub scene: PathBuf,
     /// How to solve.
     pub options: Options,
+    /// Who works.
+    pub workers: Workers,
     /// The structure to ask about visibility.
     pub visibility: Visibility,
     /// Points to measure at, and where the readings go.
@@ -83,7 +86,7 @@ pub enum RenderSource {
     /// A saved solution.
     Saved(PathBuf),
     /// A scene, to be solved first.
-    Scene(PathBuf, Options),
+    Scene(PathBuf, Options, Box<Workers>),
 }
 
 impl Plan {
@@ -93,7 +96,7 @@ impl Plan {
     /// [`Error::Input`]: a value that cannot be used, with what is available; files that collide.
     pub fn new(arguments: Arguments) -> Result<Plan, Error> {
         match arguments.command {
-            Command::Solve(arguments) => SolvePlan::new(*arguments).map(Plan::Solve),
+            Command::Solve(arguments) => SolvePlan::new(*arguments).map(|plan| Plan::Solve(Box::new(plan))),
             Command::Render(arguments) => RenderPlan::new(arguments).map(Plan::Render),
             Command::Topology(arguments) => Ok(Plan::Topology(Box::new(TopologyPlan::new(arguments)?))),
             Command::Generate(arguments) => GeneratePlan::new(arguments).map(Plan::Generate),
@@ -144,7 +147,9 @@ impl SolvePlan {
             "off" => "switched off by --counters off",
             _ => "this version of wrad reads no counters",
         };
+        let (threads, pin) = (arguments.threads.as_deref(), arguments.pin.as_deref());
         Ok(SolvePlan {
+            workers: Workers::new(&arguments.schedule, threads, pin)?,
             scene: arguments.scene,
             options,
             visibility,
@@ -165,21 +170,6 @@ fn paths<'a>(paths: impl Iterator<Item = &'a PathBuf>) -> Vec<&'a Path> {
 fn only_what_exists(arguments: &SolveArguments) -> Result<(), Error> {
     choose("--method", &arguments.method, &[("shoot", ())], &["gather"])?;
     choose("--links", &arguments.links, &[("recompute", ()), ("auto", ())], &["store"])?;
-    let later = [
-        "inner-loop",
-        "single-queue",
-        "outer-loop",
-        "inner-loop+lure",
-        "single-queue+lure",
-        "outer-loop+lure",
-        "stealing",
-    ];
-    choose("--schedule", &arguments.schedule, &[("sequential", ())], &later)?;
-    let threads = &arguments.threads;
-    let planned: &[&str] =
-        if threads.parse::<u32>().is_ok_and(|n| n > 1) { &[threads.as_str()] } else { &[] };
-    choose("--threads", threads, &[("1", ())], planned)?;
-    choose("--pin", &arguments.pin, &[("none", ())], &["compact", "scatter"])?;
     choose("--memory", &arguments.memory, &[("malloc", ())], &["node", "interleave", "first-touch"])?;
     choose("--counters", &arguments.counters, &[("auto", ()), ("off", ())], &["hardware", "simulated"])
 }
@@ -230,7 +220,8 @@ impl RenderPlan {
             let error = arguments.error.map_or(Ok(DEFAULT_ERROR), |text| positive("--error", &text, 1.0))?;
             let basis = basis(arguments.basis.as_deref().unwrap_or("auto"))?;
             let options = Options { error, basis, oracle: Oracle::Energy, direct_only: false };
-            RenderSource::Scene(arguments.input, options)
+            let workers = Workers::new(DEFAULT_SCHEDULE, None, None)?;
+            RenderSource::Scene(arguments.input, options, Box::new(workers))
         };
         Ok(RenderPlan { source, out: arguments.out, image, quiet: arguments.quiet })
     }

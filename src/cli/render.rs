@@ -18,10 +18,10 @@ pub(super) fn run(plan: &RenderPlan) -> Result<Status, Error> {
             let bvh = Bvh::new(OpaqueFaces::new(&solution.scene));
             (solution, bvh)
         }
-        RenderSource::Scene(path, options) => {
+        RenderSource::Scene(path, options, workers) => {
             let loaded = Loaded::read(path)?;
             plan.image.check(&loaded.scene).map_err(input)?;
-            let solved = solve(&loaded, options, Visibility::Auto, plan.quiet);
+            let solved = solve(&loaded, options, workers, Visibility::Auto, plan.quiet)?;
             (solved.outcome.solution, loaded.bvh)
         }
     };

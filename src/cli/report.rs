@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use crate::math::Basis;
 use crate::output::energy_balance;
 use crate::output::machine::{Machine, peak_memory_bytes};
-use crate::output::report::{Known, Memory, Outcome, Program, Report, SceneFacts, Times, Work, Worker};
+use crate::output::report::{Known, Memory, Outcome, Program, Report, SceneFacts, Times, Work};
 use crate::transport::Oracle;
 
 use super::load::Loaded;
@@ -32,7 +32,7 @@ pub(super) fn of_run(
         work: work(solved),
         result: result(solved),
         memory: memory(),
-        workers: vec![worker(solved)],
+        workers: solved.workers.clone(),
         counters: Known::unavailable(plan.no_counters),
         time_s: Times {
             load: loaded.load_s,
@@ -66,9 +66,9 @@ fn options(plan: &SolvePlan, solved: &Solved) -> BTreeMap<String, Value> {
         ("oracle", oracle),
         ("visibility", json!(if solved.unoccluded { "none" } else { "bvh" })),
         ("direct_only", json!(plan.options.direct_only)),
-        ("schedule", json!("sequential")),
-        ("threads", json!(1)),
-        ("pin", json!("none")),
+        ("schedule", json!(plan.workers.schedule)),
+        ("threads", json!(plan.workers.count())),
+        ("pin", json!(plan.workers.policy())),
         ("memory", json!("malloc")),
         ("counters", json!("off")),
         ("probes", json!(plan.probes.as_ref().map(|(input, _)| path(input)))),
@@ -96,6 +96,8 @@ fn work(solved: &Solved) -> Work {
         shots: outcome.statistics.shots,
         batches: outcome.statistics.batches,
         passes: outcome.passes as u64,
+        longest_receivers: outcome.longest_receivers,
+        longest_chains: outcome.longest_chains,
     }
 }
 
@@ -122,16 +124,5 @@ fn memory() -> Memory {
         bytes_per_element: Known::unavailable(format!("{on_heap}, which does not tell them apart")),
         arena_bytes_per_node: Known::unavailable(format!("{on_heap}, not in arenas")),
         pages_per_node: Known::unavailable(format!("{on_heap}, not in arenas")),
-    }
-}
-
-fn worker(solved: &Solved) -> Worker {
-    Worker {
-        cpu: Known::unavailable("not pinned (--pin none)"),
-        node: Known::unavailable("not pinned (--pin none)"),
-        busy_s: solved.direct_s + solved.interreflection_s,
-        idle_s: 0.0,
-        steal_s: 0.0,
-        lock_s: 0.0,
     }
 }

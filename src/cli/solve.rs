@@ -3,15 +3,17 @@
 use std::io::Write;
 use std::time::Instant;
 
+use crate::output::report::Worker;
 use crate::output::{self, ImageOptions, OutputKind, Report};
 use crate::radiosity::probe::read_probes;
-use crate::schedule::{self, Options, Outcome};
+use crate::schedule::{self, Options, Outcome, Schedule};
 use crate::visibility::{Occluder, Unoccluded, nothing_between};
 
 use super::load::{Loaded, caster};
 use super::plan::{SolvePlan, Visibility};
 use super::probes::Probes;
 use super::progress::Watch;
+use super::workers::{self, Workers};
 use super::{Error, Status, grey, interrupt, report};
 
 /// A solved scene, and what the report needs to know besides.
@@ -23,6 +25,7 @@ pub(super) struct Solved {
     pub bands_computed: usize,
     pub direct_s: f64,
     pub interreflection_s: f64,
+    pub workers: Vec<Worker>,
 }
 
 /// Runs the plan; `start` is when the program started.
@@ -30,7 +33,7 @@ pub(super) fn run(plan: &SolvePlan, start: Instant) -> Result<Status, Error> {
     let probes = plan.probes.as_ref().map(|(input, _)| Probes::read(input)).transpose()?;
     let loaded = Loaded::read(&plan.scene)?;
     check(plan, probes.as_ref(), &loaded)?;
-    let solved = solve(&loaded, &plan.options, plan.visibility, plan.quiet);
+    let solved = solve(&loaded, &plan.options, &plan.workers, plan.visibility, plan.quiet)?;
     let writing = Instant::now();
     let mut failures = write_results(plan, probes.as_ref(), &loaded, &solved);
     let output_s = writing.elapsed().as_secs_f64();
@@ -60,7 +63,16 @@ fn check(plan: &SolvePlan, probes: Option<&Probes>, loaded: &Loaded) -> Result<(
 }
 
 /// Solves a scene, watched: progress on a terminal, Ctrl-C stops it.
-pub(super) fn solve(loaded: &Loaded, options: &Options, visibility: Visibility, quiet: bool) -> Solved {
+///
+/// # Errors
+/// [`Error::Failed`]: no team could be started, or one of its workers panicked.
+pub(super) fn solve(
+    loaded: &Loaded,
+    options: &Options,
+    workers: &Workers,
+    visibility: Visibility,
+    quiet: bool,
+) -> Result<Solved, Error> {
     if !quiet {
         loaded.warnings().iter().for_each(|warning| eprintln!("wrad: warning: {warning}"));
     }
@@ -72,24 +84,29 @@ pub(super) fn solve(loaded: &Loaded, options: &Options, visibility: Visibility, 
     };
     let nothing = Unoccluded(&loaded.bvh);
     let occluder: &dyn Occluder = if unoccluded { &nothing } else { &loaded.bvh };
+    let mut team = workers.team()?;
     let mut watch = Watch::new(quiet);
     let grey = grey::one_band(&loaded.scene, &loaded.surfaces);
     let (scene, surfaces) = match &grey {
         Some((scene, surfaces)) => (scene, surfaces),
         None => (&loaded.scene, &loaded.surfaces),
     };
-    let mut outcome = schedule::solve(scene, surfaces, occluder, options, &mut watch);
+    let schedule = Schedule { team: team.as_mut(), batches: workers.batches };
+    let outcome = schedule::solve_by(schedule, scene, surfaces, occluder, options, &mut watch);
     watch.finish();
+    let mut outcome =
+        outcome.map_err(|panic| Error::Failed(format!("a mistake in this program: {panic}")))?;
     if grey.is_some() {
         grey::in_all_bands(&mut outcome.solution, &loaded.scene, &loaded.surfaces);
     }
-    Solved {
+    Ok(Solved {
         outcome,
         unoccluded,
         bands_computed: scene.bands.len(),
         direct_s: watch.direct_s,
         interreflection_s: watch.interreflection_s,
-    }
+        workers: workers::account(team.as_mut(), watch.direct_s + watch.interreflection_s),
+    })
 }
 
 /// Writes everything but the report; one failure does not cost the other results.

@@ -167,6 +167,11 @@ pub struct Work {
     pub batches: u64,
     /// Passes at decreasing thresholds, the pilot included. The counts above are of all of them.
     pub passes: u64,
+    /// Share of the last pass' cost, in evaluations, in the costliest receiver of each batch: were receivers not divided between workers, no
+    /// number of workers would be faster than this share of the sequential time.
+    pub longest_receivers: f64,
+    /// The same for the longest chain of parts that wait for each other, from a receiver down to a leaf: no number of workers is faster.
+    pub longest_chains: f64,
 }
 
 /// The solution in numbers.
@@ -207,12 +212,40 @@ pub struct Worker {
     pub node: Known<u32>,
     /// Seconds in tasks.
     pub busy_s: f64,
-    /// Seconds without work.
+    /// Seconds without work, those in which one thread prepared the next batch included.
     pub idle_s: f64,
-    /// Seconds looking for work elsewhere.
+    /// Seconds looking for work elsewhere, with success.
     pub steal_s: f64,
+    /// Seconds waiting in barriers.
+    pub barrier_s: f64,
     /// Seconds waiting for locks.
     pub lock_s: f64,
+    /// Tasks run that came through a queue.
+    pub tasks: u64,
+    /// Of these, taken from another worker of the node.
+    pub steals_near: u64,
+    /// Of these, taken from another node.
+    pub steals_far: u64,
+}
+
+impl Default for Worker {
+    fn default() -> Self {
+        let none = || Known::unavailable("there was no worker");
+        let (busy_s, idle_s, steal_s, barrier_s, lock_s) = (0.0, 0.0, 0.0, 0.0, 0.0);
+        let (tasks, steals_near, steals_far) = (0, 0, 0);
+        Self {
+            cpu: none(),
+            node: none(),
+            busy_s,
+            idle_s,
+            steal_s,
+            barrier_s,
+            lock_s,
+            tasks,
+            steals_near,
+            steals_far,
+        }
+    }
 }
 
 /// Cache and memory behaviour, by the definitions of the design's section 6.
@@ -264,7 +297,9 @@ pub(super) mod tests {
             busy_s: 1.9,
             idle_s: 0.08,
             steal_s: 0.02,
-            lock_s: 0.0,
+            tasks: 120,
+            steals_near: 7,
+            ..Worker::default()
         };
         Report {
             program: Program::this(),
@@ -292,6 +327,8 @@ pub(super) mod tests {
                 shots: 96,
                 batches: 7,
                 passes: 2,
+                longest_receivers: 0.07,
+                longest_chains: 0.01,
             },
             result: Outcome {
                 elements: 48_213,

@@ -87,6 +87,7 @@ fn workers(workers: &[Worker]) -> String {
         ("busy", sum(|w| w.busy_s)),
         ("idle", sum(|w| w.idle_s)),
         ("stealing", sum(|w| w.steal_s)),
+        ("in barriers", sum(|w| w.barrier_s)),
         ("locked", sum(|w| w.lock_s)),
     ];
     let total: f64 = parts.iter().map(|(_, s)| s).sum();

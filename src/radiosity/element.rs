@@ -247,9 +247,8 @@ impl<const N: usize> Receiver<N> for Element<N> {
         self.children = Some((split, shapes.into_iter().map(|shape| Element::new(basis, shape)).collect()));
     }
 
-    fn child_mut(&mut self, index: usize) -> &mut Self {
-        let (_, children) = self.children.as_mut().expect("only a divided element is asked for its children");
-        &mut children[index]
+    fn children_mut(&mut self) -> &mut [Self] {
+        self.children.as_mut().map_or(&mut [], |(_, children)| children)
     }
 
     fn deposit(&mut self, irradiance: &[[f64; N]; MAX_FUNCTIONS]) {

@@ -3,7 +3,7 @@
 use crate::math::Basis;
 use crate::math::basis::MAX_FUNCTIONS;
 use crate::scene::{Scene, Surface};
-use crate::transport::{Detail, Packet, PacketNode, Patch, Shape};
+use crate::transport::{Deposited, Detail, Packet, PacketNode, Patch, Shape, Work};
 
 use super::element::Element;
 use super::solution::{Field, Node};
@@ -25,6 +25,12 @@ pub struct Tree<const N: usize> {
     pub unshot_w: f64,
     /// Power received from other surfaces by interreflection so far, per band, in W.
     pub indirect_w: [f64; N],
+    /// Squared link errors of what was received since it was last dark, in W²/m².
+    pub error_squared: f64,
+    /// Work done to light it in the stage at hand.
+    pub work: Work,
+    /// Cost of the longest chain of parts of that work that wait for each other.
+    pub span: u64,
     outline: Option<Box<[glam::DVec2]>>,
 }
 
@@ -40,6 +46,9 @@ impl<const N: usize> Tree<N> {
             exitance_w_m2: std::array::from_fn(|n| surface.exitance_w_m2[n]),
             unshot_w: 0.0,
             indirect_w: [0.0; N],
+            error_squared: 0.0,
+            work: Work::default(),
+            span: 0,
             outline: (!surface.full).then(|| surface.outline.clone().into_boxed_slice()),
         }
     }
@@ -75,6 +84,7 @@ impl<const N: usize> Tree<N> {
         self.root.unshoot();
         let packet = self.take_packet(prune_w_m2);
         self.root.restart();
+        self.error_squared = 0.0;
         packet
     }
 
@@ -82,6 +92,17 @@ impl<const N: usize> Tree<N> {
     pub fn darken(&mut self) {
         self.root.darken();
         self.unshot_w = 0.0;
+        self.error_squared = 0.0;
+    }
+
+    /// Books what a pair task brought; all sums over sources are kept per receiver, so that they do not depend on who works.
+    pub fn book(&mut self, deposited: &Deposited<N>) {
+        self.unshot_w += deposited.to_reflect_w;
+        self.error_squared += deposited.error_squared;
+        self.span += deposited.span;
+        for n in 0..N {
+            self.indirect_w[n] += deposited.received_w[n];
+        }
     }
 
     /// Measures the unshot power anew: sums of signed light that cancels are smaller than the sums of its parts.

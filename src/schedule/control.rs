@@ -4,6 +4,8 @@
 //! would dominate). It is divided in squares: `LINK_SHARE` for links, the rest for power left unshot. A cheap pilot pass tells the norm
 //! and how link errors add up; the threshold of the next pass follows from their growth with it.
 
+use ccnuma::{Team, WorkerPanic};
+
 use crate::math::Basis;
 use crate::radiosity::{Solution, Tree, extent_m, trees};
 use crate::scene::{Light, Scene, Surface};
@@ -11,7 +13,10 @@ use crate::transport::lamp::Lamp;
 use crate::transport::{Oracle, Rules, SampleRule, Work};
 use crate::visibility::Occluder;
 
-use super::sequential::{Pass, PassStatistics};
+use super::batch::Batches;
+use super::crew::Crew;
+use super::pass::{Pass, PassStatistics};
+use super::watch::{Observer, Watch, observed};
 
 /// Share of the error that links may use.
 const LINK_SHARE: f64 = 0.9;
@@ -41,31 +46,14 @@ pub struct Options {
     pub direct_only: bool,
 }
 
-/// Where a run stands.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Stage {
-    /// Light from the emitters.
-    Direct,
-    /// Light between surfaces.
-    Interreflection,
+/// Who works, and between which batches all must have finished. The result depends on the batches, not on who works.
+#[derive(Debug, Default)]
+pub struct Schedule<'t> {
+    /// The team; without one, receivers are done one after the other.
+    pub team: Option<&'t mut Team>,
+    /// How many surfaces shoot at once.
+    pub batches: Batches,
 }
-
-/// Who watches a run and may stop it.
-pub trait Observer {
-    /// A pass begins: 0 is the pilot.
-    fn pass(&mut self, _number: usize) {}
-    /// Share of a stage that is done, in [0, 1].
-    fn progress(&mut self, _stage: Stage, _share: f64) {}
-    /// Whether to stop after the pair at hand.
-    fn interrupted(&mut self) -> bool {
-        false
-    }
-}
-
-/// An observer that does nothing.
-pub struct Silent;
-
-impl Observer for Silent {}
 
 /// A solved scene and how it came about.
 pub struct Outcome {
@@ -79,11 +67,15 @@ pub struct Outcome {
     pub passes: usize,
     /// Share of the first reflection's power left unshot.
     pub unshot_fraction: f64,
+    /// Share of the last pass' cost in the costliest receiver of each batch: no team that leaves receivers whole can be faster.
+    pub longest_receivers: f64,
+    /// Share of the last pass' cost in the longest chain of dependent parts in each batch: no team at all can be faster.
+    pub longest_chains: f64,
     /// Leaf elements.
     pub elements: u64,
 }
 
-/// Solves `scene`; `surfaces` are its surfaces and `occluder` holds its faces. At most three bands.
+/// Solves `scene` sequentially; `surfaces` are its surfaces and `occluder` holds its faces. At most three bands.
 pub fn solve(
     scene: &Scene,
     surfaces: &[Surface],
@@ -91,11 +83,27 @@ pub fn solve(
     options: &Options,
     observer: &mut dyn Observer,
 ) -> Outcome {
-    match scene.bands.len() {
-        1 => Run::<1>::new(scene, surfaces, occluder, options).solve(observer),
-        2 => Run::<2>::new(scene, surfaces, occluder, options).solve(observer),
-        _ => Run::<3>::new(scene, surfaces, occluder, options).solve(observer),
-    }
+    solve_by(Schedule::default(), scene, surfaces, occluder, options, observer)
+        .unwrap_or_else(|panic| unreachable!("there is no team, and yet {panic}"))
+}
+
+/// As [`solve`], by a schedule. The observer is called on this thread only, the work is done on others.
+///
+/// # Errors
+/// A worker panicked: a mistake in this program.
+pub fn solve_by(
+    schedule: Schedule<'_>,
+    scene: &Scene,
+    surfaces: &[Surface],
+    occluder: &dyn Occluder,
+    options: &Options,
+    observer: &mut dyn Observer,
+) -> Result<Outcome, WorkerPanic> {
+    observed(observer, |watch| match scene.bands.len() {
+        1 => Run::<1>::new(scene, surfaces, occluder, options).solve(schedule, watch),
+        2 => Run::<2>::new(scene, surfaces, occluder, options).solve(schedule, watch),
+        _ => Run::<3>::new(scene, surfaces, occluder, options).solve(schedule, watch),
+    })
 }
 
 struct Run<'a, const N: usize> {
@@ -111,8 +119,14 @@ struct Run<'a, const N: usize> {
     gain: f64,
 }
 
+/// Who works, how, and who is told.
+struct Means<'t, 'w> {
+    batches: Batches,
+    crew: Crew<'t>,
+    watch: &'w Watch,
+}
+
 /// A pass' trees with its error, both in W/m.
-#[derive(Clone)]
 struct Attempt<const N: usize> {
     trees: Vec<Tree<N>>,
     statistics: PassStatistics,
@@ -147,15 +161,16 @@ impl<'a, const N: usize> Run<'a, N> {
         }
     }
 
-    fn solve(&self, observer: &mut dyn Observer) -> Outcome {
+    fn solve(&self, schedule: Schedule<'_>, watch: &Watch) -> Result<Outcome, WorkerPanic> {
+        let mut means = Means { batches: schedule.batches, crew: Crew::new(schedule.team)?, watch };
         let target = self.options.error;
         let mut work = Work::default();
         let pilot_error = (4.0 * target).clamp(0.02, 0.3);
         let guess = self.guess_norm();
         let mut threshold = pilot_error * guess / (32.0 * (self.surfaces.len().max(1) as f64).powf(0.25));
-        observer.pass(0);
+        watch.pass(0);
         let dark = trees::<N>(self.surfaces, self.options.basis);
-        let mut attempt = self.attempt(dark, threshold, pilot_error * guess, observer);
+        let mut attempt = self.attempt(dark, threshold, pilot_error * guess, &mut means)?;
         work += attempt.work();
         let mut passes = 1;
         while passes <= MAX_PASSES && !attempt.statistics.interrupted {
@@ -175,9 +190,10 @@ impl<'a, const N: usize> Run<'a, N> {
                 };
                 threshold *= (allowed / links).min(1.0).powf(1.0 / growth).max(1e-4);
             }
-            observer.pass(passes);
-            let finished = attempt.clone();
-            attempt = self.attempt(attempt.trees, threshold, target * attempt.norm, observer);
+            watch.pass(passes);
+            let trees = means.crew.map(&mut attempt.trees, |_| true, |tree| tree.clone())?;
+            let finished = Attempt { trees, ..attempt };
+            attempt = self.attempt(attempt.trees, threshold, target * attempt.norm, &mut means)?;
             work += attempt.work();
             if attempt.statistics.interrupted {
                 // What an unfinished pass holds is worth less than the pass before it.
@@ -186,7 +202,7 @@ impl<'a, const N: usize> Run<'a, N> {
             }
             passes += 1;
         }
-        self.outcome(attempt, work, passes)
+        self.outcome(attempt, work, passes, &mut means.crew)
     }
 
     /// An order of magnitude of the norm of reflected radiosity, in W/m: an integrating sphere with the scene's area and power.
@@ -220,8 +236,8 @@ impl<'a, const N: usize> Run<'a, N> {
         mut trees: Vec<Tree<N>>,
         threshold_w_m: f64,
         allowed_w_m: f64,
-        observer: &mut dyn Observer,
-    ) -> Attempt<N> {
+        means: &mut Means<'_, '_>,
+    ) -> Result<Attempt<N>, WorkerPanic> {
         let root_area = self.area_m2.sqrt();
         let rules = Rules {
             oracle: self.options.oracle,
@@ -237,43 +253,53 @@ impl<'a, const N: usize> Run<'a, N> {
             direct_only: self.options.direct_only,
             stop_w: UNSHOT_SHARE * allowed_w_m * root_area / (SPREAD * self.gain.max(1e-9)),
             prune_w_m2: 0.02 * allowed_w_m / root_area,
+            batches: means.batches,
         };
-        let statistics = pass.run(&mut trees, observer);
-        let norm = trees.iter().map(Tree::reflected_norm_squared).sum::<f64>().sqrt();
-        let squares = statistics.direct.error_squared + statistics.interreflection.error_squared;
+        let statistics = pass.run(&mut trees, &mut means.crew, means.watch)?;
+        let squares = means.crew.map(&mut trees, |_| true, |tree| tree.reflected_norm_squared())?;
         let unseen = (0.01 / self.options.error).max(1.0).powf(UNSEEN_GROWTH);
         let calibration = LINK_CALIBRATION.0 * (LINK_CALIBRATION.1 * self.gain).hypot(1.0) * unseen;
         let unshot = if self.options.direct_only { 0.0 } else { statistics.unshot_w };
-        Attempt {
+        Ok(Attempt {
             trees,
             statistics,
-            norm,
-            link_error: calibration * squares.sqrt(),
+            norm: squares.iter().sum::<f64>().sqrt(),
+            link_error: calibration * statistics.error_squared.sqrt(),
             unshot_error: SPREAD * unshot * self.gain / root_area,
-        }
+        })
     }
 
-    fn outcome(&self, attempt: Attempt<N>, work: Work, passes: usize) -> Outcome {
+    fn outcome(
+        &self,
+        mut attempt: Attempt<N>,
+        work: Work,
+        passes: usize,
+        crew: &mut Crew<'_>,
+    ) -> Result<Outcome, WorkerPanic> {
         let statistics = attempt.statistics;
         let error = attempt.link_error.hypot(attempt.unshot_error);
         let first = statistics.first_reflection_w;
         let solution = Solution {
             scene: self.scene.clone(),
             surfaces: self.surfaces.to_vec(),
-            fields: attempt.trees.iter().map(Tree::field).collect(),
+            fields: crew.map(&mut attempt.trees, |_| true, |tree| tree.field())?,
             error_target: self.options.error,
             error_estimate: if attempt.norm > 0.0 { error / attempt.norm } else { 0.0 },
             incomplete: statistics.interrupted,
         };
         let elements = attempt.trees.iter().map(|tree| tree.root.leaves()).sum();
-        Outcome {
+        let cost = attempt.work().cost().max(1) as f64;
+        let share = |longest: u64| longest as f64 / cost;
+        Ok(Outcome {
+            longest_receivers: share(statistics.longest.receiver),
+            longest_chains: share(statistics.longest.chain),
             unshot_fraction: if first > 0.0 { statistics.unshot_w / first } else { 0.0 },
             elements,
             statistics,
             work,
             passes,
             solution,
-        }
+        })
     }
 }
 

@@ -1,6 +1,22 @@
 //! Schedules: who computes which pair when. The sequential one is the specification of the others.
+//!
+//! A run is a few passes ([`control`]), a pass a sequence of batches ([`pass`], [`batch`]), and a batch one task per receiver, which a
+//! crew runs: one thread, or a team that steals from each other, with receivers at home on nodes ([`homes`]).
+//!
+//! | schedule | crew | batches |
+//! |---|---|---|
+//! | `sequential` | one thread | fitted |
+//! | `inner-loop`, the paper's | a team | single shooters |
+//! | `stealing` | a team | fitted |
 
+pub mod batch;
 pub mod control;
-pub mod sequential;
+mod crew;
+pub mod homes;
+pub mod pass;
+mod watch;
 
-pub use control::{Observer, Options, Outcome, Silent, Stage, solve};
+pub use batch::Batches;
+pub use control::{Options, Outcome, Schedule, solve, solve_by};
+pub use crew::Longest;
+pub use watch::{Observer, Silent, Stage};

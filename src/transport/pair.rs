@@ -10,6 +10,7 @@ use super::candidates::{Candidates, narrow};
 use super::gather::{Gather, Points, Tolerance, norm};
 use super::packet::{Packet, Shape, cell_corners};
 use super::samples::{MAX_SAMPLES, Projected, SampleRule};
+use super::share::Helpers;
 use super::unblocked::Fragments;
 use super::work::Work;
 use crate::math::basis::MAX_FUNCTIONS;
@@ -112,21 +113,23 @@ impl<const N: usize> Patch<N> {
 }
 
 /// A receiving element, which owns the elements below it.
-pub trait Receiver<const N: usize> {
+pub trait Receiver<const N: usize>: Send {
     /// How the cell lies to the surface's polygon.
     fn shape(&self) -> &Shape;
     /// How it is divided, if it is.
     fn split(&self) -> Option<Split>;
     /// Divides it; `shapes` are those of the children.
     fn subdivide(&mut self, split: Split, shapes: Vec<Shape>);
-    /// Child number `index` of a divided element.
-    fn child_mut(&mut self, index: usize) -> &mut Self;
+    /// The children of a divided element, else none.
+    fn children_mut(&mut self) -> &mut [Self]
+    where
+        Self: Sized;
     /// Adds irradiance in W/m², given by its coefficients.
     fn deposit(&mut self, irradiance: &[[f64; N]; MAX_FUNCTIONS]);
 }
 
 /// Where light comes from.
-pub trait Source<const N: usize> {
+pub trait Source<const N: usize>: Sync {
     /// Index of the emitting surface; `u32::MAX` for a lamp.
     fn surface(&self) -> u32;
     /// The face it lies on; `u32::MAX` for a lamp.
@@ -216,15 +219,32 @@ pub struct Deposited<const N: usize> {
     pub received_w: [f64; N],
     /// Bound on the power to reflect, all bands, in W: `Σ ‖ρ b_l‖ ∫|φ_l|` over the coefficients.
     pub to_reflect_w: f64,
+    /// Sum of squared link errors `(ρ δ)² A`, W²/m².
+    pub error_squared: f64,
+    /// Cost of the longest chain of parts that wait for each other: from the whole receiver down to one of its leaves.
+    pub span: u64,
 }
 
 impl<const N: usize> Default for Deposited<N> {
     fn default() -> Self {
-        Self { received_w: [0.0; N], to_reflect_w: 0.0 }
+        Self { received_w: [0.0; N], to_reflect_w: 0.0, error_squared: 0.0, span: 0 }
     }
 }
 
-/// Transports the light of `source` to the tree of `receiver`. The one function every schedule runs.
+impl<const N: usize> Deposited<N> {
+    /// Adds what another part brought that waits for none of these.
+    fn add_beside(&mut self, o: Self) {
+        for n in 0..N {
+            self.received_w[n] += o.received_w[n];
+        }
+        self.to_reflect_w += o.to_reflect_w;
+        self.error_squared += o.error_squared;
+        self.span = self.span.max(o.span);
+    }
+}
+
+/// Transports the light of `source` to the tree of `receiver`. The one function every schedule runs; `helpers`, if there are any, may take
+/// over subtrees of the receiver, which does not show in the result.
 pub fn shoot<const N: usize, R: Receiver<N>>(
     source: &impl Source<N>,
     patch: &Patch<N>,
@@ -232,6 +252,7 @@ pub fn shoot<const N: usize, R: Receiver<N>>(
     occluder: &dyn Occluder,
     rules: &Rules,
     scratch: &mut Scratch,
+    helpers: Option<&dyn Helpers>,
 ) -> Deposited<N> {
     if source.surface() == patch.surface || source.face() == patch.face {
         return Deposited::default();
@@ -254,19 +275,87 @@ pub fn shoot<const N: usize, R: Receiver<N>>(
         least > 0.0
     });
     let weight = patch.reflectance.iter().copied().fold(rules.least_reflectance, f64::max);
-    let mut task = Shoot {
-        source,
-        patch,
-        occluder,
-        rules,
-        scratch,
-        threshold,
-        extend,
-        weight,
-        deposited: Deposited::default(),
-    };
+    let setting = Setting { source, patch, occluder, rules, threshold, extend, weight };
+    let mut task = setting.run_by(scratch, helpers);
     task.begin(receiver);
     task.deposited
+}
+
+/// What all parts of a pair task have in common.
+struct Setting<'a, const N: usize, S> {
+    source: &'a S,
+    patch: &'a Patch<N>,
+    occluder: &'a dyn Occluder,
+    rules: &'a Rules,
+    threshold: f64,
+    extend: bool,
+    /// What an error of irradiance counts: the largest reflectance, or the least one if that is more.
+    weight: f64,
+}
+
+impl<const N: usize, S> Clone for Setting<'_, N, S> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<const N: usize, S> Copy for Setting<'_, N, S> {}
+
+impl<'a, const N: usize, S: Source<N>> Setting<'a, N, S> {
+    fn run_by<'b>(self, scratch: &'b mut Scratch, helpers: Option<&'b dyn Helpers>) -> Shoot<'b, N, S>
+    where
+        'a: 'b,
+    {
+        let Setting { source, patch, occluder, rules, threshold, extend, weight } = self;
+        let deposited = Deposited::default();
+        Shoot { source, patch, occluder, rules, scratch, helpers, threshold, extend, weight, deposited }
+    }
+
+    /// Visits the parts, half of them perhaps elsewhere. `blockers` is what `candidates` lists, if it is a list.
+    fn visit_parts<R: Receiver<N>>(
+        self,
+        helpers: &dyn Helpers,
+        scratch: &mut Scratch,
+        parts: &mut [Part<'_, N, R>],
+        candidates: Candidates,
+        blockers: &[u32],
+        level: u8,
+    ) {
+        match parts {
+            [] => {}
+            [part] => {
+                let top = scratch.candidates.len();
+                scratch.candidates.extend_from_slice(blockers);
+                let candidates = match candidates {
+                    Candidates::List(..) => Candidates::List(top, scratch.candidates.len()),
+                    other => other,
+                };
+                let mut task = self.run_by(scratch, Some(helpers));
+                task.visit(part.receiver, part.cell, candidates, level);
+                part.deposited = task.deposited;
+                scratch.candidates.truncate(top);
+            }
+            _ => {
+                let (first, second) = parts.split_at_mut(parts.len() / 2);
+                helpers.both(
+                    scratch,
+                    &mut |helpers, scratch| {
+                        self.visit_parts(helpers, scratch, first, candidates, blockers, level);
+                    },
+                    &mut |helpers, scratch| {
+                        self.visit_parts(helpers, scratch, second, candidates, blockers, level);
+                    },
+                );
+            }
+        }
+    }
+}
+
+/// A child of a receiver that is shared out.
+struct Part<'a, const N: usize, R> {
+    receiver: &'a mut R,
+    cell: Cell,
+    deposited: Deposited<N>,
 }
 
 struct Shoot<'a, const N: usize, S> {
@@ -275,9 +364,9 @@ struct Shoot<'a, const N: usize, S> {
     occluder: &'a dyn Occluder,
     rules: &'a Rules,
     scratch: &'a mut Scratch,
+    helpers: Option<&'a dyn Helpers>,
     threshold: f64,
     extend: bool,
-    /// What an error of irradiance counts: the largest reflectance, or the least one if that is more.
     weight: f64,
     deposited: Deposited<N>,
 }
@@ -298,7 +387,12 @@ struct Look<const N: usize> {
     light: f64,
 }
 
-impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
+impl<'a, const N: usize, S: Source<N>> Shoot<'a, N, S> {
+    fn setting(&self) -> Setting<'a, N, S> {
+        let Self { source, patch, occluder, rules, threshold, extend, weight, .. } = *self;
+        Setting { source, patch, occluder, rules, threshold, extend, weight }
+    }
+
     fn begin<R: Receiver<N>>(&mut self, receiver: &mut R) {
         let corners = &self.patch.corners;
         let centre = corners.iter().sum::<DVec3>() / corners.len() as f64;
@@ -323,14 +417,16 @@ impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
         let point = [self.patch.frame.point(uv)];
         let tolerance = Tolerance { relative: COARSE, absolute_w_m2: 0.5 * estimate_w_m2 };
         let mut irradiance = [[0.0; N]];
+        let before = self.scratch.work.cost();
         self.gather(&point, &point, &point, Candidates::Scene, tolerance, &mut irradiance, &mut [0.0]);
+        self.deposited.span = self.scratch.work.cost() - before;
         let mut coefficients = [[0.0; N]; MAX_FUNCTIONS];
         coefficients[0] = irradiance[0];
         self.deposit(receiver, &coefficients, area_m2);
         let carried = self.weight * norm(&irradiance[0]);
         self.scratch.work.interactions += 1;
         self.scratch.work.pairs_coarse += 1;
-        self.scratch.work.error_squared += 0.1 * carried * carried * area_m2;
+        self.deposited.error_squared += 0.1 * carried * carried * area_m2;
     }
 
     fn deposit<R: Receiver<N>>(&mut self, receiver: &mut R, light: &[[f64; N]; MAX_FUNCTIONS], area_m2: f64) {
@@ -372,6 +468,7 @@ impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
         if !self.source.reaches(self.patch.frame.normal, &hull) {
             return;
         }
+        let before = self.scratch.work.cost();
         let candidates = self.narrow(&hull, candidates);
         if level == 0 && candidates == Candidates::Free {
             self.scratch.work.pairs_unoccluded += 1;
@@ -384,7 +481,11 @@ impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
             Oracle::Uniform(depth) if level < depth => Some(Split::Both),
             _ => self.try_link(receiver, &cell, &hull, candidates),
         };
-        let Some(wanted) = split else { return };
+        let cost = self.scratch.work.cost() - before;
+        let Some(wanted) = split else {
+            self.deposited.span = cost;
+            return;
+        };
         if receiver.split().is_none() {
             let shape = receiver.shape();
             let shapes =
@@ -392,11 +493,42 @@ impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
             receiver.subdivide(wanted, shapes);
         }
         let split = receiver.split().unwrap_or(wanted);
-        for index in 0..split.children().len() {
-            let top = self.scratch.candidates.len();
-            self.visit(receiver.child_mut(index), cell.child(split, index), candidates, level + 1);
-            self.scratch.candidates.truncate(top);
+        self.visit_children(receiver, cell, split, candidates, level + 1);
+        self.deposited.span += cost;
+    }
+
+    /// Visits the children. What they receive is summed child by child, so that it is the same whoever visited them.
+    fn visit_children<R: Receiver<N>>(
+        &mut self,
+        receiver: &mut R,
+        cell: Cell,
+        split: Split,
+        candidates: Candidates,
+        level: u8,
+    ) {
+        let mut sum = Deposited::default();
+        let children = receiver.children_mut().iter_mut().enumerate();
+        if let Some(helpers) = self.helpers.filter(|helpers| helpers.wanted()) {
+            let blockers = match candidates {
+                Candidates::List(start, end) => self.scratch.candidates[start..end].to_vec(),
+                _ => Vec::new(),
+            };
+            let part = |(index, receiver)| {
+                let cell = cell.child(split, index);
+                Part { receiver, cell, deposited: Deposited::default() }
+            };
+            let mut parts: Vec<Part<'_, N, R>> = children.map(part).collect();
+            self.setting().visit_parts(helpers, self.scratch, &mut parts, candidates, &blockers, level);
+            parts.iter().for_each(|part| sum.add_beside(part.deposited));
+        } else {
+            for (index, child) in children {
+                let top = self.scratch.candidates.len();
+                self.visit(child, cell.child(split, index), candidates, level);
+                sum.add_beside(std::mem::take(&mut self.deposited));
+                self.scratch.candidates.truncate(top);
+            }
         }
+        self.deposited = sum;
     }
 
     fn narrow(&mut self, hull: &[DVec3; 4], candidates: Candidates) -> Candidates {
@@ -453,7 +585,7 @@ impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
             }
             if sharp {
                 self.scratch.work.interactions += 1;
-                self.scratch.work.error_squared += link_error * link_error;
+                self.deposited.error_squared += link_error * link_error;
                 self.deposit(receiver, &look.projected.coefficients, area);
                 return None;
             }

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 /// What a pair task did; additive.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Work {
     /// Accepted transfers to a receiver element.
     pub interactions: u64,
@@ -23,8 +23,13 @@ pub struct Work {
     pub pairs_behind: u64,
     /// Transfers too small for the error budget to be resolved: one sample was taken.
     pub pairs_coarse: u64,
-    /// Sum of squared link errors `(ρ δ)² A`, W²/m².
-    pub error_squared: f64,
+}
+
+impl Work {
+    /// What it cost, in evaluations: kernel, closed form and rays take about the same time each.
+    pub fn cost(&self) -> u64 {
+        self.kernel_evaluations + self.lambert_evaluations + self.visibility_rays
+    }
 }
 
 impl std::ops::AddAssign for Work {
@@ -38,6 +43,5 @@ impl std::ops::AddAssign for Work {
         self.pairs_hidden += o.pairs_hidden;
         self.pairs_behind += o.pairs_behind;
         self.pairs_coarse += o.pairs_coarse;
-        self.error_squared += o.error_squared;
     }
 }

@@ -1,0 +1,121 @@
+//! Who will work: the schedule by its name, and for those that run on a team, which worker goes where.
+
+use ccnuma::{Machine, Policy, Team};
+
+use crate::output::report::{Known, Worker};
+use crate::schedule::Batches;
+
+use super::Error;
+use super::choice::choose;
+
+/// The schedule where none is named.
+pub(super) const DEFAULT_SCHEDULE: &str = "stealing";
+
+/// The schedules that this version has: their name, whether a team runs them, and how many surfaces shoot at once.
+const SCHEDULES: [(&str, (&str, bool, Batches)); 3] = [
+    ("sequential", ("sequential", false, Batches::Fitted)),
+    ("inner-loop", ("inner-loop", true, Batches::Single)),
+    ("stealing", ("stealing", true, Batches::Fitted)),
+];
+
+/// Those that are still to come.
+const PLANNED: [&str; 5] =
+    ["single-queue", "outer-loop", "inner-loop+lure", "single-queue+lure", "outer-loop+lure"];
+
+/// Who will work, checked.
+#[derive(Clone, Debug)]
+pub struct Workers {
+    /// The schedule's name.
+    pub schedule: &'static str,
+    /// How many surfaces shoot at once.
+    pub batches: Batches,
+    /// Where each worker goes; `None` where the thread of the run does all of it.
+    pub plan: Option<ccnuma::Plan>,
+}
+
+impl Workers {
+    /// Lays the workers over this machine: without `threads` one per core, without `pin` compactly.
+    ///
+    /// # Errors
+    /// [`Error::Input`]: an unknown name, more workers than CPUs to pin them to, or a worker for a schedule that has none.
+    pub fn new(schedule: &str, threads: Option<&str>, pin: Option<&str>) -> Result<Self, Error> {
+        let (schedule, on_team, batches) = choose("--schedule", schedule, &SCHEDULES, &PLANNED)?;
+        let plan = if on_team { Some(plan(threads, pin)?) } else { None };
+        if !on_team {
+            let needless = |option, given: Option<&str>, only| match given {
+                Some(value) if value != only => Err(Error::Input(format!(
+                    "{option} {value}: --schedule {schedule} runs on one thread, which is not pinned; \
+                     leave {option} out or name another schedule"
+                ))),
+                _ => Ok(()),
+            };
+            needless("--threads", threads, "1")?;
+            needless("--pin", pin, "none")?;
+        }
+        Ok(Self { schedule, batches, plan })
+    }
+
+    /// Starts and pins the team, if there is to be one.
+    ///
+    /// # Errors
+    /// [`Error::Failed`]: the system refused a thread or a pin.
+    pub fn team(&self) -> Result<Option<Team>, Error> {
+        let team = self.plan.as_ref().map(Team::new).transpose();
+        team.map_err(|problem| Error::Failed(problem.to_string()))
+    }
+
+    /// Number of workers.
+    pub fn count(&self) -> usize {
+        self.plan.as_ref().map_or(1, |plan| plan.slots.len())
+    }
+
+    /// The policy by which they are pinned.
+    pub fn policy(&self) -> String {
+        self.plan.as_ref().map_or(Policy::None, |plan| plan.policy.clone()).to_string()
+    }
+}
+
+fn plan(threads: Option<&str>, pin: Option<&str>) -> Result<ccnuma::Plan, Error> {
+    let input = |problem: ccnuma::Error| Error::Input(problem.to_string());
+    let number = |text: &str| match text.parse::<usize>() {
+        Ok(number) if number > 0 => Ok(number),
+        _ => Err(Error::Input(format!("--threads {text}: expected a number of workers, at least 1"))),
+    };
+    let threads = threads.map(number).transpose()?;
+    let policy: Policy = pin.unwrap_or("compact").parse().map_err(input)?;
+    let machine = Machine::this_machine().map_err(input)?;
+    ccnuma::Plan::new(machine.into(), policy, threads).map_err(input)
+}
+
+/// Where each worker of a team was, and what it did in the `wall_s` seconds of a run; `team` is `None` for a run without one.
+pub(super) fn account(team: Option<&mut Team>, wall_s: f64) -> Vec<Worker> {
+    let free = || Known::unavailable("not pinned (--pin none)");
+    let Some(team) = team else {
+        let node = Known::unavailable("not pinned");
+        return vec![Worker {
+            cpu: Known::unavailable("not pinned"),
+            node,
+            busy_s: wall_s,
+            ..Worker::default()
+        }];
+    };
+    let times = team.times();
+    let machine = &team.plan().machine;
+    let workers = team.plan().slots.iter().zip(times).map(|(slot, times)| {
+        let steal_s = times.steal_near_s + times.steal_far_s;
+        let at_work_s = times.busy_s + steal_s + times.barrier_s + times.lock_s;
+        Worker {
+            cpu: slot.cpu.map_or_else(free, |cpu| Known::Value(cpu as u32)),
+            node: slot.cpu.map_or_else(free, |_| Known::Value(machine.nodes[slot.node].os as u32)),
+            busy_s: times.busy_s,
+            idle_s: (wall_s - at_work_s).max(0.0),
+            steal_s,
+            barrier_s: times.barrier_s,
+            lock_s: times.lock_s,
+            tasks: times.tasks,
+            steals_near: times.steals_near,
+            steals_far: times.steals_far,
+        }
+    });
+    workers.collect()
+}

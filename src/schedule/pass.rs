@@ -1,0 +1,211 @@
+//! A pass over the scene, in batches: direct illumination, what a first solution reflects, then progressive shooting (the paper's
+//! section 4) of what is left.
+
+use std::time::Instant;
+
+use ccnuma::WorkerPanic;
+
+use crate::radiosity::{Tree, add_ambient};
+use crate::transport::lamp::Lamp;
+use crate::transport::{Packet, Rules, Work};
+use crate::visibility::Occluder;
+
+use super::batch::{Batch, Batches};
+use super::crew::{Crew, Longest};
+use super::watch::{Stage, Watch};
+
+/// Share of interreflection that sending a first solution's light takes, for the progress shown.
+const REFLECTED_SHARE: f64 = 0.8;
+
+/// What a pass is to do.
+pub struct Pass<'a, const N: usize> {
+    /// Lights without area.
+    pub lamps: &'a [Lamp<N>],
+    /// What may stand between.
+    pub occluder: &'a dyn Occluder,
+    /// Rules of the pair tasks.
+    pub rules: &'a Rules,
+    /// Whether to stop after direct illumination.
+    pub direct_only: bool,
+    /// Stop once this much power in W is left unshot.
+    pub stop_w: f64,
+    /// Detail of packets below this is averaged, in W/m².
+    pub prune_w_m2: f64,
+    /// How many surfaces shoot at once.
+    pub batches: Batches,
+}
+
+/// What a pass did.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct PassStatistics {
+    /// Work in direct illumination.
+    pub direct: Work,
+    /// Work in interreflection.
+    pub interreflection: Work,
+    /// Sum of the squared link errors in W²/m².
+    pub error_squared: f64,
+    /// Seconds in direct illumination.
+    pub direct_s: f64,
+    /// Seconds in interreflection.
+    pub interreflection_s: f64,
+    /// Emitters shot, lights included.
+    pub shots: u64,
+    /// Batches of shots; between two of them all receivers must be done.
+    pub batches: u64,
+    /// What no number of workers can be faster than.
+    pub longest: Longest,
+    /// Power left unshot in W.
+    pub unshot_w: f64,
+    /// Power sent by the lights in W that arrived, reflected once.
+    pub first_reflection_w: f64,
+    /// Whether the pass was interrupted.
+    pub interrupted: bool,
+}
+
+impl<const N: usize> Pass<'_, N> {
+    /// Runs the pass. Trees that hold light are taken as a first solution: every surface sends what it reflects by it once, and from
+    /// then on only what the new solution differs from the old.
+    pub(super) fn run(
+        &self,
+        trees: &mut [Tree<N>],
+        crew: &mut Crew<'_>,
+        watch: &Watch,
+    ) -> Result<PassStatistics, WorkerPanic> {
+        let mut statistics = PassStatistics::default();
+        let start = Instant::now();
+        watch.stage(Stage::Direct);
+        crew.settle(trees);
+        let reflected = self.restart(trees, crew)?;
+        let emitters: Vec<Packet<N>> = trees
+            .iter()
+            .filter(|tree| tree.exitance_w_m2.iter().any(|m| *m > 0.0))
+            .map(Tree::exitance_packet)
+            .collect();
+        watch.batch(0.0, 1.0, trees.len());
+        self.shoot(&Batch { lamps: self.lamps, packets: &emitters }, trees, crew, watch, &mut statistics)?;
+        statistics.direct = take_work(trees);
+        statistics.first_reflection_w = unshot_w(trees);
+        statistics.direct_s = start.elapsed().as_secs_f64();
+        let start = Instant::now();
+        if !self.direct_only {
+            self.interreflect(trees, &reflected, crew, watch, &mut statistics)?;
+        }
+        statistics.interreflection = take_work(trees);
+        statistics.interreflection_s = start.elapsed().as_secs_f64();
+        statistics.error_squared = trees.iter().map(|tree| tree.error_squared).sum();
+        statistics.unshot_w = unshot_w(trees);
+        statistics.interrupted = watch.stopped();
+        Ok(statistics)
+    }
+
+    /// Takes the light that the trees reflect into packets, the brightest first. Surfaces that reflect least, together half of what may be
+    /// left unshot, send nothing yet.
+    fn restart(&self, trees: &mut [Tree<N>], crew: &mut Crew<'_>) -> Result<Vec<Packet<N>>, WorkerPanic> {
+        crew.map(trees, |_| true, Tree::unshoot)?;
+        let mut order: Vec<usize> = (0..trees.len()).collect();
+        order.sort_by(|a, b| trees[*b].unshot_w.total_cmp(&trees[*a].unshot_w).then(a.cmp(b)));
+        let mut left = unshot_w(trees);
+        let mut rank = vec![None; trees.len()];
+        for (place, index) in order.into_iter().enumerate() {
+            if left > 0.5 * self.stop_w {
+                left -= trees[index].unshot_w;
+                rank[index] = Some(place);
+            }
+        }
+        let rank = |surface: u32| rank[surface as usize];
+        let restart = |tree: &mut Tree<N>| match rank(tree.patch.surface) {
+            Some(_) => Some(tree.restart(self.prune_w_m2)),
+            None => {
+                tree.darken();
+                None
+            }
+        };
+        let mut packets: Vec<Packet<N>> = crew.map(trees, |_| true, restart)?.into_iter().flatten().collect();
+        packets.sort_by_key(|packet| rank(packet.surface));
+        Ok(packets)
+    }
+
+    fn interreflect(
+        &self,
+        trees: &mut [Tree<N>],
+        reflected: &[Packet<N>],
+        crew: &mut Crew<'_>,
+        watch: &Watch,
+        statistics: &mut PassStatistics,
+    ) -> Result<(), WorkerPanic> {
+        watch.stage(Stage::Interreflection);
+        let mut shot_w = [0.0; N];
+        for tree in trees.iter_mut() {
+            tree.indirect_w = [0.0; N];
+        }
+        let mut done = 0.0;
+        if !reflected.is_empty() {
+            for packet in reflected {
+                for n in 0..N {
+                    shot_w[n] += packet.nodes[0].coefficients[0][n] * trees[packet.surface as usize].area_m2;
+                }
+            }
+            watch.batch(0.0, REFLECTED_SHARE, trees.len());
+            self.shoot(&Batch { lamps: &[], packets: reflected }, trees, crew, watch, statistics)?;
+            crew.map(trees, |_| true, Tree::measure_unshot)?;
+            done = REFLECTED_SHARE;
+        }
+        let first = unshot_w(trees);
+        loop {
+            let left = unshot_w(trees);
+            if left <= self.stop_w || watch.stopped() {
+                add_ambient(trees, &shot_w);
+                return Ok(());
+            }
+            // Power decays geometrically: progress on a logarithmic scale.
+            let share = done + (1.0 - done) * (first / left).ln() / (first / self.stop_w).ln();
+            watch.batch(share, share, trees.len());
+            let shooters = self.batches.choose(trees);
+            for shooter in &shooters {
+                let power_w = trees[*shooter].unshot_by_band_w();
+                for n in 0..N {
+                    shot_w[n] += power_w[n];
+                }
+            }
+            let shoots = |tree: &Tree<N>| shooters.binary_search(&(tree.patch.surface as usize)).is_ok();
+            let packets = crew.map(trees, shoots, |tree| tree.take_packet(self.prune_w_m2))?;
+            self.shoot(&Batch { lamps: &[], packets: &packets }, trees, crew, watch, statistics)?;
+        }
+    }
+
+    fn shoot(
+        &self,
+        batch: &Batch<'_, N>,
+        trees: &mut [Tree<N>],
+        crew: &mut Crew<'_>,
+        watch: &Watch,
+        statistics: &mut PassStatistics,
+    ) -> Result<(), WorkerPanic> {
+        if batch.is_empty() {
+            return Ok(());
+        }
+        let longest = crew.light(trees, |tree, scratch, helpers| {
+            batch.light(tree, (self.occluder, self.rules), scratch, helpers, watch);
+        })?;
+        statistics.longest.receiver += longest.receiver;
+        statistics.longest.chain += longest.chain;
+        statistics.shots += batch.len() as u64;
+        statistics.batches += 1;
+        Ok(())
+    }
+}
+
+/// Power left to shoot in W, all surfaces.
+fn unshot_w<const N: usize>(trees: &[Tree<N>]) -> f64 {
+    trees.iter().map(|tree| tree.unshot_w).sum()
+}
+
+/// The work done on all surfaces; their accounts start anew.
+fn take_work<const N: usize>(trees: &mut [Tree<N>]) -> Work {
+    let mut sum = Work::default();
+    for tree in trees {
+        sum += std::mem::take(&mut tree.work);
+        tree.span = 0;
+    }
+    sum
+}

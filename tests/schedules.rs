@@ -1,0 +1,211 @@
+//! Schedules against the sequential one: the same solution bit by bit, whoever worked, on however many workers and nodes; what fails, and who
+//! is told.
+
+use std::path::Path;
+use std::sync::atomic::AtomicU64;
+use std::sync::atomic::Ordering::Relaxed;
+use std::thread::{self, ThreadId};
+
+use ccnuma::{Machine, Plan, Policy, Team};
+use glam::DVec3;
+use wavelet_radiosity::math::Basis;
+use wavelet_radiosity::scene::{self, Scene, Surface};
+use wavelet_radiosity::schedule::{
+    Batches, Observer, Options, Outcome, Schedule, Silent, Stage, solve, solve_by,
+};
+use wavelet_radiosity::transport::Oracle;
+use wavelet_radiosity::visibility::{Bvh, Occluder, OpaqueFaces, Shaft};
+
+struct Room {
+    scene: Scene,
+    surfaces: Vec<Surface>,
+    bvh: Bvh,
+    options: Options,
+}
+
+impl Room {
+    fn new(name: &str, basis: Basis, error: f64) -> Self {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("scenes/{name}.iv"));
+        let scene = scene::read::read_file(&path).unwrap();
+        let surfaces = scene::surfaces(&scene);
+        let bvh = Bvh::new(OpaqueFaces::new(&scene));
+        Self {
+            scene,
+            surfaces,
+            bvh,
+            options: Options { error, basis, oracle: Oracle::Energy, direct_only: false },
+        }
+    }
+
+    fn solve(&self, team: Option<&mut Team>, batches: Batches) -> Outcome {
+        let schedule = Schedule { team, batches };
+        solve_by(schedule, &self.scene, &self.surfaces, &self.bvh, &self.options, &mut Silent).unwrap()
+    }
+}
+
+/// A team on a machine of two nodes, unpinned: there may be more workers than this machine has CPUs.
+fn team(workers: usize) -> Team {
+    let machine = Machine::synthetic("numa:2 core:4 pu:1").unwrap();
+    Team::new(&Plan::new(machine.into(), Policy::None, Some(workers)).unwrap()).unwrap()
+}
+
+/// All that makes up a solution, to the last bit.
+fn bits(outcome: &Outcome) -> Vec<u64> {
+    let mut bits: Vec<u64> =
+        vec![outcome.solution.error_estimate.to_bits(), outcome.unshot_fraction.to_bits()];
+    for field in &outcome.solution.fields {
+        bits.push(field.nodes.len() as u64);
+        bits.extend(field.coefficients.iter().map(|c| c.to_bits()));
+    }
+    bits
+}
+
+fn assert_same(found: &Outcome, expected: &Outcome, what: &str) {
+    assert_eq!(found.work, expected.work, "{what}: other work was done");
+    assert_eq!(found.elements, expected.elements, "{what}");
+    assert_eq!(found.statistics.longest, expected.statistics.longest, "{what}");
+    assert!(bits(found) == bits(expected), "{what}: the solutions differ");
+}
+
+fn every_schedule_gives_the_same_bits(room: &Room) {
+    let fitted = room.solve(None, Batches::Fitted);
+    let single = room.solve(None, Batches::Single);
+    assert!(fitted.elements > 2 * room.surfaces.len() as u64 && fitted.passes > 1);
+    for workers in [1, 2, 3, 5, 8] {
+        let mut team = team(workers);
+        let what = |name| format!("{name} on {workers} workers");
+        assert_same(&room.solve(Some(&mut team), Batches::Fitted), &fitted, &what("stealing"));
+        assert_same(&room.solve(Some(&mut team), Batches::Single), &single, &what("inner-loop"));
+    }
+}
+
+#[test]
+fn the_cornell_box_is_the_same_on_any_number_of_workers() {
+    every_schedule_gives_the_same_bits(&Room::new("cornell-box", Basis::M3, 0.1));
+}
+
+#[test]
+fn the_furnished_room_is_the_same_on_any_number_of_workers() {
+    let room = Room::new("furnished-room", Basis::M2, 0.15);
+    every_schedule_gives_the_same_bits(&room);
+    let (fitted, single) = (room.solve(None, Batches::Fitted), room.solve(None, Batches::Single));
+    assert!(fitted.statistics.batches < single.statistics.batches, "batches hold more than one shooter");
+    assert!(bits(&fitted) != bits(&single), "and so the comparison can tell solutions apart");
+}
+
+/// Answers as the hierarchy does, and disturbs every so many questions.
+struct Disturbed<'a, F> {
+    bvh: &'a Bvh,
+    asked: AtomicU64,
+    disturb: F,
+}
+
+impl<F: Fn(u64) + Sync> Occluder for Disturbed<'_, F> {
+    fn faces(&self) -> &OpaqueFaces {
+        self.bvh.faces()
+    }
+
+    fn blocker(&self, from: DVec3, to: DVec3, skip: [u32; 2]) -> Option<u32> {
+        self.bvh.blocker(from, to, skip)
+    }
+
+    fn candidates(&self, shaft: &Shaft, skip: [u32; 2], limit: usize, out: &mut Vec<u32>) -> bool {
+        (self.disturb)(self.asked.fetch_add(1, Relaxed));
+        self.bvh.candidates(shaft, skip, limit, out)
+    }
+
+    fn first_hit(&self, origin: DVec3, direction: DVec3) -> Option<(u32, f64)> {
+        self.bvh.first_hit(origin, direction)
+    }
+}
+
+#[test]
+fn delays_do_not_show_in_the_solution() {
+    let room = Room::new("cornell-box", Basis::M2, 0.2);
+    let expected = room.solve(None, Batches::Fitted);
+    let disturb = |n: u64| match n.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 60 {
+        0 => thread::sleep(std::time::Duration::from_micros(n % 300)),
+        1..4 => thread::yield_now(),
+        _ => {}
+    };
+    for seed in 0..4 {
+        let late = Disturbed { bvh: &room.bvh, asked: AtomicU64::new(seed), disturb };
+        let mut team = team(3);
+        let schedule = Schedule { team: Some(&mut team), batches: Batches::Fitted };
+        let found =
+            solve_by(schedule, &room.scene, &room.surfaces, &late, &room.options, &mut Silent).unwrap();
+        assert_same(&found, &expected, "with delays");
+    }
+}
+
+#[test]
+fn a_panic_names_its_worker_and_the_team_goes_on() {
+    let room = Room::new("cornell-box", Basis::M2, 0.2);
+    let mut team = team(3);
+    let failing = |n| assert!(n != 100, "shaft {n} fails on purpose");
+    let occluder = Disturbed { bvh: &room.bvh, asked: AtomicU64::new(0), disturb: failing };
+    let schedule = Schedule { team: Some(&mut team), batches: Batches::Fitted };
+    let panic = solve_by(schedule, &room.scene, &room.surfaces, &occluder, &room.options, &mut Silent)
+        .err()
+        .expect("the panic reaches the caller");
+    assert!(panic.worker < 3 && panic.message.contains("shaft 100 fails on purpose"), "{panic}");
+    assert!(panic.to_string().starts_with(&format!("worker {} panicked", panic.worker)), "{panic}");
+    assert_same(
+        &room.solve(Some(&mut team), Batches::Fitted),
+        &room.solve(None, Batches::Fitted),
+        "afterwards",
+    );
+}
+
+/// Notes who calls and what is told; interrupts in a stage.
+struct Notes {
+    thread: ThreadId,
+    passes: Vec<usize>,
+    stages: Vec<Stage>,
+    stop_in: Option<Stage>,
+}
+
+impl Notes {
+    fn new(stop_in: Option<Stage>) -> Self {
+        Self { thread: thread::current().id(), passes: Vec::new(), stages: Vec::new(), stop_in }
+    }
+}
+
+impl Observer for Notes {
+    fn pass(&mut self, number: usize) {
+        assert_eq!(thread::current().id(), self.thread);
+        self.passes.push(number);
+    }
+
+    fn progress(&mut self, stage: Stage, share: f64) {
+        assert_eq!(thread::current().id(), self.thread);
+        assert!(!share.is_nan(), "{stage:?}");
+        if self.stages.last() != Some(&stage) {
+            self.stages.push(stage);
+        }
+    }
+
+    fn interrupted(&mut self) -> bool {
+        self.passes.len() > 1 && self.stages.last() == self.stop_in.as_ref()
+    }
+}
+
+#[test]
+fn the_observer_is_told_on_its_own_thread_and_may_stop_the_workers() {
+    let room = Room::new("cornell-box", Basis::M2, 0.02);
+    for stop_in in [Stage::Direct, Stage::Interreflection] {
+        let mut team = team(2);
+        let mut notes = Notes::new(Some(stop_in));
+        let schedule = Schedule { team: Some(&mut team), batches: Batches::Fitted };
+        let outcome =
+            solve_by(schedule, &room.scene, &room.surfaces, &room.bvh, &room.options, &mut notes).unwrap();
+        assert!(outcome.solution.incomplete, "stopped in {stop_in:?}");
+        assert_eq!(notes.passes, [0, 1]);
+    }
+    let mut notes = Notes::new(None);
+    let coarse = Options { error: 0.2, ..room.options };
+    let outcome = solve(&room.scene, &room.surfaces, &room.bvh, &coarse, &mut notes);
+    assert_eq!(notes.passes, (0..outcome.passes).collect::<Vec<_>>());
+    assert_eq!(notes.stages, [Stage::Direct, Stage::Interreflection].repeat(outcome.passes));
+    assert!(!outcome.solution.incomplete);
+}
