@@ -2,7 +2,8 @@
 //!
 //! The target is `E ‖B − M‖`, the relative L2 error of reflected radiosity (stricter than the contract's `‖B‖`, which a bright lamp
 //! would dominate). It is divided in squares: `LINK_SHARE` for links, the rest for power left unshot. A cheap pilot pass tells the norm
-//! and how link errors add up; the threshold of the next pass follows from their growth with it.
+//! and how link errors add up; the threshold of the next pass follows from their growth with it. Each pass starts from the solution of the
+//! one before: fine links carry every surface's light once, not shot by shot.
 
 use ccnuma::{Team, WorkerPanic};
 

@@ -1,11 +1,12 @@
 //! Irradiance at a bundle of points from one emission packet, integrated hierarchically over the emitter.
 //!
-//! From the root of the packet down, each cell is either taken as a whole or divided, until what the bundle may lose by it is within tolerance:
+//! From the root of the packet down, each point takes a cell as a whole or asks for its parts, until what it may lose by it is within
+//! tolerance; only the points that ask go on:
 //! * its **detail** (what finer levels hold) must not matter at its distance;
 //! * its **kernel** must be smooth enough for n × n Gauss nodes, n ≤ 3; nearer than that Lambert's closed form takes over, with
 //!   singularity subtraction `∫ Kφ = φ(y*) F + ∫ K (φ − φ(y*))` where the radiosity varies (numerics §4);
-//! * its **visibility** must be certain (no candidate in the shaft), unanimous, or of no consequence. A bundle that sees a cell in part
-//!   divides it for the points concerned.
+//! * its **visibility** must be certain (no candidate in the shaft), unanimous among rays, or of no consequence. Where few blockers leave a
+//!   part of the cell visible, the fragments they leave are integrated; else the cell is divided.
 
 use glam::{DVec2, DVec3};
 

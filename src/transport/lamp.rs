@@ -4,7 +4,8 @@ use glam::DVec3;
 
 use super::candidates::Candidates;
 use super::gather::{Points, Tolerance, norm};
-use super::pair::{Scratch, Source};
+use super::pair::Scratch;
+use super::source::Source;
 use crate::scene::Light;
 use crate::visibility::Occluder;
 

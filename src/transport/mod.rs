@@ -1,7 +1,7 @@
 //! Transport of light: the kernel, Lambert's closed form, emission packets, and one emitter–receiver pair.
 //!
 //! Receivers are sampled: the irradiance from one emitter is evaluated at points of a receiver element ([`gather`]), projected
-//! onto its basis, and judged at further points ([`pair`]). Emitters are integrated hierarchically from each sample point. Nothing here
+//! onto its basis, and judged at further points ([`link`]); what does not pass is divided ([`pair`]). Emitters are integrated hierarchically from each sample point. Nothing here
 //! knows a thread; a pair task borrows the packet and owns the receiver.
 
 pub mod candidates;
@@ -9,11 +9,14 @@ pub mod gather;
 pub mod kernel;
 pub mod lambert;
 pub mod lamp;
+mod link;
 pub mod nodes;
 pub mod packet;
 pub mod pair;
+pub mod receiver;
 pub mod samples;
 pub mod share;
+pub mod source;
 pub mod unblocked;
 pub mod view;
 pub mod work;
@@ -21,7 +24,9 @@ pub mod work;
 pub use gather::{Gather, Points};
 pub use lamp::Lamp;
 pub use packet::{Detail, Packet, PacketNode, Shape};
-pub use pair::{Deposited, Oracle, Patch, Receiver, Rules, Scratch, Source, shoot};
+pub use pair::{Oracle, Rules, Scratch, shoot};
+pub use receiver::{Deposited, Patch, Receiver};
 pub use samples::SampleRule;
 pub use share::{Half, Helpers};
+pub use source::Source;
 pub use work::Work;

@@ -7,15 +7,16 @@
 use glam::{DVec2, DVec3};
 
 use super::candidates::{Candidates, narrow};
-use super::gather::{Gather, Points, Tolerance, norm};
-use super::packet::{Packet, Shape, cell_corners};
-use super::samples::{MAX_SAMPLES, Projected, SampleRule};
+use super::gather::{Points, Tolerance, norm};
+use super::packet::{Shape, cell_corners};
+use super::receiver::{Deposited, Patch, Receiver};
+use super::samples::SampleRule;
 use super::share::Helpers;
+use super::source::Source;
 use super::unblocked::Fragments;
 use super::work::Work;
 use crate::math::basis::MAX_FUNCTIONS;
 use crate::math::{Cell, Split, polygon};
-use crate::scene::{Frame, Surface};
 use crate::visibility::{Occluder, Shaft};
 
 /// What a link error is measured against.
@@ -29,25 +30,11 @@ pub enum Oracle {
     Uniform(u8),
 }
 
-/// Share of an element's light that may be misjudged where all of its sample points agree on visibility and a blocker as narrow as half
-/// the element may stand in between. It falls with the square of the element's size over the narrowest blocker's.
-const UNSEEN_SHADOW: f64 = 0.08;
-
-/// Share of the point tolerance in the link tolerance: noise of the points must not look like detail.
-const POINT_SHARE: f64 = 0.15;
-
 /// Pairs that carry less than this share of the threshold are taken by one sample.
 const COARSE_SHARE: f64 = 0.5;
 
 /// Tolerance of the first look at an element, and of a pair that is taken by one sample, as a share of the light.
-const COARSE: f64 = 0.25;
-
-/// How much sharper each further look is, and the sharpest there is.
-const SHARPER: f64 = 0.2;
-const SHARPEST: f64 = 1e-6;
-
-/// Cells are not divided below this extent of the surface's parametrisation.
-const LEAST_EXTENT: f64 = 1.0 / (1 << 20) as f64;
+pub(super) const COARSE: f64 = 0.25;
 
 /// The rules of a run's pair tasks.
 #[derive(Clone, Debug)]
@@ -73,174 +60,6 @@ pub struct Scratch {
     pub fragments: Fragments,
     /// What was done.
     pub work: Work,
-}
-
-/// What a pair task needs to know of the receiving surface.
-#[derive(Clone, Debug)]
-pub struct Patch<const N: usize> {
-    /// Index of the surface.
-    pub surface: u32,
-    /// Its face.
-    pub face: u32,
-    /// The parallelogram.
-    pub frame: Frame,
-    /// Reflectance per band.
-    pub reflectance: [f64; N],
-    /// Corners of the polygon in metres.
-    pub corners: Box<[DVec3]>,
-}
-
-impl<const N: usize> Patch<N> {
-    /// The patch of a surface with `N` bands.
-    pub fn new(index: u32, surface: &Surface) -> Self {
-        Self {
-            surface: index,
-            face: surface.face,
-            frame: surface.frame,
-            reflectance: std::array::from_fn(|n| surface.reflectance[n]),
-            corners: surface.outline.iter().map(|p| surface.frame.point(*p)).collect(),
-        }
-    }
-}
-
-impl<const N: usize> Patch<N> {
-    /// Bound on the mean radiosity, all bands, that irradiance with these coefficients causes: `Σ ‖ρ b_l‖ ∫|φ_l|`.
-    pub fn reflected_w_m2(&self, light: &[[f64; N]; MAX_FUNCTIONS]) -> f64 {
-        // ∫|φ_l| is 1 for the mean and at most 0.87 for the others.
-        let reflected = |c: &[f64; N]| (0..N).map(|n| self.reflectance[n] * c[n].abs()).sum::<f64>();
-        reflected(&light[0]) + 0.87 * light[1..].iter().map(reflected).sum::<f64>()
-    }
-}
-
-/// A receiving element, which owns the elements below it.
-pub trait Receiver<const N: usize>: Send {
-    /// How the cell lies to the surface's polygon.
-    fn shape(&self) -> &Shape;
-    /// How it is divided, if it is.
-    fn split(&self) -> Option<Split>;
-    /// Divides it; `shapes` are those of the children.
-    fn subdivide(&mut self, split: Split, shapes: Vec<Shape>);
-    /// The children of a divided element, else none.
-    fn children_mut(&mut self) -> &mut [Self]
-    where
-        Self: Sized;
-    /// Adds irradiance in W/m², given by its coefficients.
-    fn deposit(&mut self, irradiance: &[[f64; N]; MAX_FUNCTIONS]);
-}
-
-/// Where light comes from.
-pub trait Source<const N: usize>: Sync {
-    /// Index of the emitting surface; `u32::MAX` for a lamp.
-    fn surface(&self) -> u32;
-    /// The face it lies on; `u32::MAX` for a lamp.
-    fn face(&self) -> u32;
-    /// Corners around the source as seen from a receiver, and its plane's normal if it has a plane.
-    fn hull(&self, receiver: &[DVec3]) -> ([DVec3; 4], Option<DVec3>);
-    /// Whether any light can reach the front of a plane polygon.
-    fn reaches(&self, normal: DVec3, corners: &[DVec3]) -> bool;
-    /// Estimate, on the safe side, of the irradiance norm on a sphere with this normal.
-    fn estimate_w_m2(&self, centre: DVec3, radius: f64, normal: DVec3) -> f64;
-    /// The largest exitance or intensity it has: what the geometry oracle divides by.
-    fn strength(&self) -> f64;
-    /// Adds the irradiance at `points`, each to about `tolerance`.
-    #[allow(clippy::too_many_arguments)]
-    fn gather(
-        &self,
-        points: &Points<'_>,
-        occluder: &dyn Occluder,
-        candidates: Candidates,
-        tolerance: Tolerance,
-        irradiance: &mut [[f64; N]],
-        uncertain: &mut [f64],
-        scratch: &mut Scratch,
-    );
-}
-
-impl<const N: usize> Source<N> for Packet<N> {
-    fn surface(&self) -> u32 {
-        self.surface
-    }
-
-    fn face(&self) -> u32 {
-        self.face
-    }
-
-    fn hull(&self, _receiver: &[DVec3]) -> ([DVec3; 4], Option<DVec3>) {
-        (cell_corners(&Cell::UNIT).map(|c| self.frame.point(c)), Some(self.frame.normal))
-    }
-
-    fn reaches(&self, normal: DVec3, corners: &[DVec3]) -> bool {
-        let size = self.frame.u.length() + self.frame.v.length();
-        let in_front = |n: DVec3, origin: DVec3, p: DVec3| n.dot(p - origin) > 1e-9 * size;
-        let Some(at) = corners.first() else { return false };
-        let receiver_sees = match &self.outline {
-            None => cell_corners(&Cell::UNIT).iter().any(|c| in_front(normal, *at, self.frame.point(*c))),
-            Some(outline) => outline.iter().any(|c| in_front(normal, *at, self.frame.point(*c))),
-        };
-        receiver_sees && corners.iter().any(|p| in_front(self.frame.normal, self.frame.origin, *p))
-    }
-
-    fn estimate_w_m2(&self, centre: DVec3, radius: f64, normal: DVec3) -> f64 {
-        let middle = self.frame.point(DVec2::splat(0.5));
-        let half = 0.5 * (self.frame.u + self.frame.v).length().max((self.frame.u - self.frame.v).length());
-        let between = middle - centre;
-        let distance = between.length();
-        let gap = (distance - radius - half).max(0.0);
-        let cosine = |height: f64| if gap > 0.0 { (height / gap).clamp(0.0, 1.0) } else { 1.0 };
-        let cos_x = cosine(normal.dot(between) + radius + half);
-        let cos_y = cosine(-self.frame.normal.dot(between) + radius + half);
-        let area = self.frame.area_m2;
-        self.strength() * (cos_x * cos_y * area / (std::f64::consts::PI * gap * gap + area))
-    }
-
-    fn strength(&self) -> f64 {
-        let root = &self.nodes[0];
-        root.coefficients.iter().map(norm).sum::<f64>() + root.detail.rms_w_m2
-    }
-
-    fn gather(
-        &self,
-        points: &Points<'_>,
-        occluder: &dyn Occluder,
-        candidates: Candidates,
-        tolerance: Tolerance,
-        irradiance: &mut [[f64; N]],
-        uncertain: &mut [f64],
-        scratch: &mut Scratch,
-    ) {
-        Gather::new(self, points, occluder, irradiance, uncertain, scratch).run(candidates, tolerance);
-    }
-}
-
-/// What a pair task brought to a receiver.
-#[derive(Clone, Copy, Debug)]
-pub struct Deposited<const N: usize> {
-    /// Power received, per band, in W.
-    pub received_w: [f64; N],
-    /// Bound on the power to reflect, all bands, in W: `Σ ‖ρ b_l‖ ∫|φ_l|` over the coefficients.
-    pub to_reflect_w: f64,
-    /// Sum of squared link errors `(ρ δ)² A`, W²/m².
-    pub error_squared: f64,
-    /// Cost of the longest chain of parts that wait for each other: from the whole receiver down to one of its leaves.
-    pub span: u64,
-}
-
-impl<const N: usize> Default for Deposited<N> {
-    fn default() -> Self {
-        Self { received_w: [0.0; N], to_reflect_w: 0.0, error_squared: 0.0, span: 0 }
-    }
-}
-
-impl<const N: usize> Deposited<N> {
-    /// Adds what another part brought that waits for none of these.
-    fn add_beside(&mut self, o: Self) {
-        for n in 0..N {
-            self.received_w[n] += o.received_w[n];
-        }
-        self.to_reflect_w += o.to_reflect_w;
-        self.error_squared += o.error_squared;
-        self.span = self.span.max(o.span);
-    }
 }
 
 /// Transports the light of `source` to the tree of `receiver`. The one function every schedule runs; `helpers`, if there are any, may take
@@ -355,36 +174,20 @@ impl<'a, const N: usize, S: Source<N>> Setting<'a, N, S> {
 struct Part<'a, const N: usize, R> {
     receiver: &'a mut R,
     cell: Cell,
-    deposited: Deposited<N>,
+    pub(super) deposited: Deposited<N>,
 }
 
-struct Shoot<'a, const N: usize, S> {
-    source: &'a S,
-    patch: &'a Patch<N>,
-    occluder: &'a dyn Occluder,
-    rules: &'a Rules,
-    scratch: &'a mut Scratch,
+pub(super) struct Shoot<'a, const N: usize, S> {
+    pub(super) source: &'a S,
+    pub(super) patch: &'a Patch<N>,
+    pub(super) occluder: &'a dyn Occluder,
+    pub(super) rules: &'a Rules,
+    pub(super) scratch: &'a mut Scratch,
     helpers: Option<&'a dyn Helpers>,
-    threshold: f64,
-    extend: bool,
-    weight: f64,
-    deposited: Deposited<N>,
-}
-
-/// The sample points of one element.
-struct Sampling {
-    count: usize,
-    position: [DVec3; MAX_SAMPLES],
-    eye: [DVec3; MAX_SAMPLES],
-    inside: u32,
-}
-
-/// What sampling an element showed; errors of radiosity and irradiances in W/m².
-struct Look<const N: usize> {
-    projected: Projected<N>,
-    error: f64,
-    unseen: f64,
-    light: f64,
+    pub(super) threshold: f64,
+    pub(super) extend: bool,
+    pub(super) weight: f64,
+    pub(super) deposited: Deposited<N>,
 }
 
 impl<'a, const N: usize, S: Source<N>> Shoot<'a, N, S> {
@@ -429,7 +232,12 @@ impl<'a, const N: usize, S: Source<N>> Shoot<'a, N, S> {
         self.deposited.error_squared += 0.1 * carried * carried * area_m2;
     }
 
-    fn deposit<R: Receiver<N>>(&mut self, receiver: &mut R, light: &[[f64; N]; MAX_FUNCTIONS], area_m2: f64) {
+    pub(super) fn deposit<R: Receiver<N>>(
+        &mut self,
+        receiver: &mut R,
+        light: &[[f64; N]; MAX_FUNCTIONS],
+        area_m2: f64,
+    ) {
         receiver.deposit(light);
         self.deposited.to_reflect_w += area_m2 * self.patch.reflected_w_m2(light);
         for n in 0..N {
@@ -438,7 +246,7 @@ impl<'a, const N: usize, S: Source<N>> Shoot<'a, N, S> {
     }
 
     #[allow(clippy::too_many_arguments)]
-    fn gather(
+    pub(super) fn gather(
         &mut self,
         position: &[DVec3],
         eye: &[DVec3],
@@ -540,192 +348,6 @@ impl<'a, const N: usize, S: Source<N>> Shoot<'a, N, S> {
         let skip = [self.patch.face, self.source.face()];
         narrow(self.occluder, &shaft, candidates, skip, hull, &source, self.scratch)
     }
-
-    /// Samples the element; deposits its projection and returns `None`, or returns how to divide it.
-    fn try_link<R: Receiver<N>>(
-        &mut self,
-        receiver: &mut R,
-        cell: &Cell,
-        hull: &[DVec3; 4],
-        candidates: Candidates,
-    ) -> Option<Split> {
-        let sampling = self.sample(receiver.shape(), cell);
-        let area = self.patch.frame.area_m2 * cell.area() * receiver.shape().share();
-        let weight = self.weight * area.sqrt();
-        let strict = POINT_SHARE * self.threshold / weight;
-        let whole = *receiver.shape() == Shape::Whole;
-        // A first look, only as sharp as it takes to see that the element must be divided.
-        let middle = 0.25 * hull.iter().sum::<DVec3>();
-        let radius = hull.iter().map(|p| p.distance(middle)).fold(0.0, f64::max);
-        let estimate = self.source.estimate_w_m2(middle, radius, self.patch.frame.normal);
-        let hideable = self.hideable(cell, candidates);
-        if candidates != Candidates::Free && !matches!(self.rules.oracle, Oracle::Uniform(_)) {
-            let light = self.glance(&middle, estimate);
-            let unseen = 0.7 * self.weight * hideable * light;
-            if area.sqrt() * unseen > self.threshold && cell.size.max_element() > LEAST_EXTENT {
-                return Some(self.longer_side(cell));
-            }
-        }
-        let uniform = matches!(self.rules.oracle, Oracle::Uniform(_));
-        let indivisible = cell.size.max_element() <= LEAST_EXTENT;
-        let mut tolerance = Tolerance { relative: COARSE, absolute_w_m2: (COARSE * estimate).max(strict) };
-        loop {
-            let mut look = self.look(&sampling, hull, candidates, tolerance, whole);
-            look.unseen *= hideable;
-            let link_error = area.sqrt() * look.error;
-            let sharp = tolerance.absolute_w_m2.max(tolerance.relative * look.light) <= 1.001 * strict
-                || tolerance.relative <= SHARPEST;
-            // What the look may be wrong by must not divide the element.
-            let noise = if sharp { 0.0 } else { weight * tolerance.absolute_w_m2 };
-            let accepted = uniform
-                || indivisible
-                || link_error.hypot(area.sqrt() * look.unseen) <= self.threshold + noise;
-            if !accepted {
-                return Some(self.direction(cell, &look));
-            }
-            if sharp {
-                self.scratch.work.interactions += 1;
-                self.deposited.error_squared += link_error * link_error;
-                self.deposit(receiver, &look.projected.coefficients, area);
-                return None;
-            }
-            let absolute_w_m2 = (SHARPER * tolerance.absolute_w_m2.min(look.light)).max(strict);
-            tolerance =
-                Tolerance { relative: (absolute_w_m2 / look.light).clamp(SHARPEST, COARSE), absolute_w_m2 };
-        }
-    }
-
-    /// Share of the light on an element that shadows between its sample points may take: narrow blockers cast narrow shadows.
-    fn hideable(&self, cell: &Cell, candidates: Candidates) -> f64 {
-        let Candidates::List(start, end) = candidates else { return UNSEEN_SHADOW };
-        let faces = self.occluder.faces();
-        let list = &self.scratch.candidates[start..end];
-        let narrowest = list.iter().map(|f| faces.width(*f)).fold(f64::INFINITY, f64::min);
-        let (u, v) = (self.patch.frame.u * cell.size.x, self.patch.frame.v * cell.size.y);
-        let half = 0.5 * u.length().max(v.length());
-        UNSEEN_SHADOW * (half / narrowest).min(1.0).powi(2)
-    }
-
-    /// The light that would fall on the middle of an element if nothing stood in between, roughly.
-    fn glance(&mut self, middle: &DVec3, estimate: f64) -> f64 {
-        let point = std::slice::from_ref(middle);
-        let tolerance = Tolerance { relative: 0.2, absolute_w_m2: 0.05 * estimate };
-        let mut light = [[0.0; N]];
-        self.gather(point, point, point, Candidates::Free, tolerance, &mut light, &mut [0.0]);
-        norm(&light[0])
-    }
-
-    /// Samples the element once.
-    fn look(
-        &mut self,
-        sampling: &Sampling,
-        hull: &[DVec3; 4],
-        candidates: Candidates,
-        tolerance: Tolerance,
-        whole: bool,
-    ) -> Look<N> {
-        let mut values = [[0.0; N]; MAX_SAMPLES];
-        let mut uncertain = [0.0; MAX_SAMPLES];
-        let n = sampling.count;
-        self.gather(
-            &sampling.position[..n],
-            &sampling.eye[..n],
-            hull,
-            candidates,
-            tolerance,
-            &mut values[..n],
-            &mut uncertain[..n],
-        );
-        let projected = self.rules.samples.project(&values[..n]);
-        let error = self.residual(sampling, &projected, &values, whole);
-        let unseen = self.weight * mean_square(&uncertain[..n], sampling.inside).sqrt();
-        let light = values[..n].iter().map(norm).fold(0.0, f64::max);
-        Look { projected, error, unseen, light }
-    }
-
-    /// RMS error of the projected irradiance over the element times the weight, in W/m².
-    fn residual(
-        &self,
-        sampling: &Sampling,
-        projected: &Projected<N>,
-        values: &[[f64; N]; MAX_SAMPLES],
-        whole: bool,
-    ) -> f64 {
-        let rule = &self.rules.samples;
-        let tests = if whole { rule.nodes..sampling.count } else { 0..sampling.count };
-        let (mut sum, mut count) = (0.0, 0);
-        for p in tests.filter(|p| sampling.inside & (1 << p) != 0) {
-            sum += rule.residual_squared(p, &projected.coefficients, &values[p]);
-            count += 1;
-        }
-        let tested = if count > 0 { sum / count as f64 } else { 0.0 };
-        let (beyond_u, beyond_v) = projected.beyond;
-        let truncated = if whole { beyond_u * beyond_u + beyond_v * beyond_v } else { 0.0 };
-        self.weight * tested.max(truncated).sqrt()
-    }
-
-    /// Across which direction the error asks to divide; both where it does not say.
-    fn direction(&self, cell: &Cell, look: &Look<N>) -> Split {
-        let (u, v) = look.projected.beyond;
-        if self.weight * u.max(v) > 0.3 * look.error {
-            if u > 4.0 * v {
-                return Split::U;
-            }
-            if v > 4.0 * u {
-                return Split::V;
-            }
-        }
-        self.longer_side(cell)
-    }
-
-    /// Across the longer side of a slender cell, else both.
-    fn longer_side(&self, cell: &Cell) -> Split {
-        let du = self.patch.frame.u.length() * cell.size.x;
-        let dv = self.patch.frame.v.length() * cell.size.y;
-        if du > 3.0 * dv {
-            Split::U
-        } else if dv > 3.0 * du {
-            Split::V
-        } else {
-            Split::Both
-        }
-    }
-
-    fn sample(&self, shape: &Shape, cell: &Cell) -> Sampling {
-        let rule = &self.rules.samples;
-        let frame = &self.patch.frame;
-        let mut sampling = Sampling {
-            count: rule.points.len(),
-            position: [DVec3::ZERO; MAX_SAMPLES],
-            eye: [DVec3::ZERO; MAX_SAMPLES],
-            inside: 0,
-        };
-        for (p, local) in rule.points.iter().enumerate() {
-            let uv = cell.to_surface(*local);
-            let point = frame.point(uv);
-            sampling.position[p] = point;
-            sampling.eye[p] = point;
-            sampling.inside |= 1 << p;
-            if let Shape::Part(outline, _) = shape
-                && !polygon::contains(outline, uv)
-            {
-                sampling.eye[p] = frame.point(nearest_inside(outline, uv, frame));
-                sampling.inside &= !(1 << p);
-                if !self.extend {
-                    sampling.position[p] = sampling.eye[p];
-                }
-            }
-        }
-        sampling
-    }
-}
-
-/// The point of `outline` nearest to `uv` outside of it, a thousandth of the way further in, so that it does not lie on an edge.
-fn nearest_inside(outline: &[DVec2], uv: DVec2, frame: &Frame) -> DVec2 {
-    let near =
-        polygon::nearest_on_boundary(outline, uv, |d| (d.x * frame.u + d.y * frame.v).length_squared());
-    let further = near + (near - uv) * 1e-3;
-    if polygon::contains(outline, further) { further } else { near }
 }
 
 /// A point inside the outline: the mean of its corners, or where that lies outside, the point of the boundary nearest to it.
@@ -736,14 +358,4 @@ fn middle_of(outline: &[DVec2]) -> DVec2 {
     } else {
         polygon::nearest_on_boundary(outline, mean, |d| d.length_squared())
     }
-}
-
-/// Mean square of the values whose bit is set.
-fn mean_square(values: &[f64], mask: u32) -> f64 {
-    let (mut sum, mut count) = (0.0, 0);
-    for (_, value) in values.iter().enumerate().filter(|(p, _)| mask & (1 << p) != 0) {
-        sum += value * value;
-        count += 1;
-    }
-    if count > 0 { sum / count as f64 } else { 0.0 }
 }

@@ -1,0 +1,241 @@
+//! One link: the light of a source on one element, sampled, projected, and judged at points that are not nodes.
+
+use glam::{DVec2, DVec3};
+
+use super::candidates::Candidates;
+use super::gather::{Tolerance, norm};
+use super::packet::Shape;
+use super::pair::{COARSE, Oracle, Shoot};
+use super::receiver::Receiver;
+use super::samples::{MAX_SAMPLES, Projected};
+use super::source::Source;
+use crate::math::{Cell, Split, polygon};
+use crate::scene::Frame;
+
+/// Share of an element's light that may be misjudged where all of its sample points agree on visibility and a blocker as narrow as half
+/// the element may stand in between. It falls with the square of the element's size over the narrowest blocker's.
+const UNSEEN_SHADOW: f64 = 0.08;
+
+/// Share of the point tolerance in the link tolerance: noise of the points must not look like detail.
+const POINT_SHARE: f64 = 0.15;
+
+/// How much sharper each further look is, and the sharpest there is.
+const SHARPER: f64 = 0.2;
+const SHARPEST: f64 = 1e-6;
+
+/// Cells are not divided below this extent of the surface's parametrisation.
+const LEAST_EXTENT: f64 = 1.0 / (1 << 20) as f64;
+
+/// The sample points of one element.
+struct Sampling {
+    count: usize,
+    position: [DVec3; MAX_SAMPLES],
+    eye: [DVec3; MAX_SAMPLES],
+    inside: u32,
+}
+
+/// What sampling an element showed; errors of radiosity and irradiances in W/m².
+struct Look<const N: usize> {
+    projected: Projected<N>,
+    error: f64,
+    unseen: f64,
+    light: f64,
+}
+
+impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
+    /// Samples the element; deposits its projection and returns `None`, or returns how to divide it.
+    pub(super) fn try_link<R: Receiver<N>>(
+        &mut self,
+        receiver: &mut R,
+        cell: &Cell,
+        hull: &[DVec3; 4],
+        candidates: Candidates,
+    ) -> Option<Split> {
+        let sampling = self.sample(receiver.shape(), cell);
+        let area = self.patch.frame.area_m2 * cell.area() * receiver.shape().share();
+        let weight = self.weight * area.sqrt();
+        let strict = POINT_SHARE * self.threshold / weight;
+        let whole = *receiver.shape() == Shape::Whole;
+        // A first look, only as sharp as it takes to see that the element must be divided.
+        let middle = 0.25 * hull.iter().sum::<DVec3>();
+        let radius = hull.iter().map(|p| p.distance(middle)).fold(0.0, f64::max);
+        let estimate = self.source.estimate_w_m2(middle, radius, self.patch.frame.normal);
+        let hideable = self.hideable(cell, candidates);
+        if candidates != Candidates::Free && !matches!(self.rules.oracle, Oracle::Uniform(_)) {
+            let light = self.glance(&middle, estimate);
+            let unseen = 0.7 * self.weight * hideable * light;
+            if area.sqrt() * unseen > self.threshold && cell.size.max_element() > LEAST_EXTENT {
+                return Some(self.longer_side(cell));
+            }
+        }
+        let uniform = matches!(self.rules.oracle, Oracle::Uniform(_));
+        let indivisible = cell.size.max_element() <= LEAST_EXTENT;
+        let mut tolerance = Tolerance { relative: COARSE, absolute_w_m2: (COARSE * estimate).max(strict) };
+        loop {
+            let mut look = self.look(&sampling, hull, candidates, tolerance, whole);
+            look.unseen *= hideable;
+            let link_error = area.sqrt() * look.error;
+            let sharp = tolerance.absolute_w_m2.max(tolerance.relative * look.light) <= 1.001 * strict
+                || tolerance.relative <= SHARPEST;
+            // What the look may be wrong by must not divide the element.
+            let noise = if sharp { 0.0 } else { weight * tolerance.absolute_w_m2 };
+            let accepted = uniform
+                || indivisible
+                || link_error.hypot(area.sqrt() * look.unseen) <= self.threshold + noise;
+            if !accepted {
+                return Some(self.direction(cell, &look));
+            }
+            if sharp {
+                self.scratch.work.interactions += 1;
+                self.deposited.error_squared += link_error * link_error;
+                self.deposit(receiver, &look.projected.coefficients, area);
+                return None;
+            }
+            let absolute_w_m2 = (SHARPER * tolerance.absolute_w_m2.min(look.light)).max(strict);
+            tolerance =
+                Tolerance { relative: (absolute_w_m2 / look.light).clamp(SHARPEST, COARSE), absolute_w_m2 };
+        }
+    }
+
+    /// Share of the light on an element that shadows between its sample points may take: narrow blockers cast narrow shadows.
+    fn hideable(&self, cell: &Cell, candidates: Candidates) -> f64 {
+        let Candidates::List(start, end) = candidates else { return UNSEEN_SHADOW };
+        let faces = self.occluder.faces();
+        let list = &self.scratch.candidates[start..end];
+        let narrowest = list.iter().map(|f| faces.width(*f)).fold(f64::INFINITY, f64::min);
+        let (u, v) = (self.patch.frame.u * cell.size.x, self.patch.frame.v * cell.size.y);
+        let half = 0.5 * u.length().max(v.length());
+        UNSEEN_SHADOW * (half / narrowest).min(1.0).powi(2)
+    }
+
+    /// The light that would fall on the middle of an element if nothing stood in between, roughly.
+    fn glance(&mut self, middle: &DVec3, estimate: f64) -> f64 {
+        let point = std::slice::from_ref(middle);
+        let tolerance = Tolerance { relative: 0.2, absolute_w_m2: 0.05 * estimate };
+        let mut light = [[0.0; N]];
+        self.gather(point, point, point, Candidates::Free, tolerance, &mut light, &mut [0.0]);
+        norm(&light[0])
+    }
+
+    /// Samples the element once.
+    fn look(
+        &mut self,
+        sampling: &Sampling,
+        hull: &[DVec3; 4],
+        candidates: Candidates,
+        tolerance: Tolerance,
+        whole: bool,
+    ) -> Look<N> {
+        let mut values = [[0.0; N]; MAX_SAMPLES];
+        let mut uncertain = [0.0; MAX_SAMPLES];
+        let n = sampling.count;
+        self.gather(
+            &sampling.position[..n],
+            &sampling.eye[..n],
+            hull,
+            candidates,
+            tolerance,
+            &mut values[..n],
+            &mut uncertain[..n],
+        );
+        let projected = self.rules.samples.project(&values[..n]);
+        let error = self.residual(sampling, &projected, &values, whole);
+        let unseen = self.weight * mean_square(&uncertain[..n], sampling.inside).sqrt();
+        let light = values[..n].iter().map(norm).fold(0.0, f64::max);
+        Look { projected, error, unseen, light }
+    }
+
+    /// RMS error of the projected irradiance over the element times the weight, in W/m².
+    fn residual(
+        &self,
+        sampling: &Sampling,
+        projected: &Projected<N>,
+        values: &[[f64; N]; MAX_SAMPLES],
+        whole: bool,
+    ) -> f64 {
+        let rule = &self.rules.samples;
+        let tests = if whole { rule.nodes..sampling.count } else { 0..sampling.count };
+        let (mut sum, mut count) = (0.0, 0);
+        for p in tests.filter(|p| sampling.inside & (1 << p) != 0) {
+            sum += rule.residual_squared(p, &projected.coefficients, &values[p]);
+            count += 1;
+        }
+        let tested = if count > 0 { sum / count as f64 } else { 0.0 };
+        let (beyond_u, beyond_v) = projected.beyond;
+        let truncated = if whole { beyond_u * beyond_u + beyond_v * beyond_v } else { 0.0 };
+        self.weight * tested.max(truncated).sqrt()
+    }
+
+    /// Across which direction the error asks to divide; both where it does not say.
+    fn direction(&self, cell: &Cell, look: &Look<N>) -> Split {
+        let (u, v) = look.projected.beyond;
+        if self.weight * u.max(v) > 0.3 * look.error {
+            if u > 4.0 * v {
+                return Split::U;
+            }
+            if v > 4.0 * u {
+                return Split::V;
+            }
+        }
+        self.longer_side(cell)
+    }
+
+    /// Across the longer side of a slender cell, else both.
+    pub(super) fn longer_side(&self, cell: &Cell) -> Split {
+        let du = self.patch.frame.u.length() * cell.size.x;
+        let dv = self.patch.frame.v.length() * cell.size.y;
+        if du > 3.0 * dv {
+            Split::U
+        } else if dv > 3.0 * du {
+            Split::V
+        } else {
+            Split::Both
+        }
+    }
+
+    fn sample(&self, shape: &Shape, cell: &Cell) -> Sampling {
+        let rule = &self.rules.samples;
+        let frame = &self.patch.frame;
+        let mut sampling = Sampling {
+            count: rule.points.len(),
+            position: [DVec3::ZERO; MAX_SAMPLES],
+            eye: [DVec3::ZERO; MAX_SAMPLES],
+            inside: 0,
+        };
+        for (p, local) in rule.points.iter().enumerate() {
+            let uv = cell.to_surface(*local);
+            let point = frame.point(uv);
+            sampling.position[p] = point;
+            sampling.eye[p] = point;
+            sampling.inside |= 1 << p;
+            if let Shape::Part(outline, _) = shape
+                && !polygon::contains(outline, uv)
+            {
+                sampling.eye[p] = frame.point(nearest_inside(outline, uv, frame));
+                sampling.inside &= !(1 << p);
+                if !self.extend {
+                    sampling.position[p] = sampling.eye[p];
+                }
+            }
+        }
+        sampling
+    }
+}
+
+/// The point of `outline` nearest to `uv` outside of it, a thousandth of the way further in, so that it does not lie on an edge.
+fn nearest_inside(outline: &[DVec2], uv: DVec2, frame: &Frame) -> DVec2 {
+    let near =
+        polygon::nearest_on_boundary(outline, uv, |d| (d.x * frame.u + d.y * frame.v).length_squared());
+    let further = near + (near - uv) * 1e-3;
+    if polygon::contains(outline, further) { further } else { near }
+}
+
+/// Mean square of the values whose bit is set.
+fn mean_square(values: &[f64], mask: u32) -> f64 {
+    let (mut sum, mut count) = (0.0, 0);
+    for (_, value) in values.iter().enumerate().filter(|(p, _)| mask & (1 << p) != 0) {
+        sum += value * value;
+        count += 1;
+    }
+    if count > 0 { sum / count as f64 } else { 0.0 }
+}

@@ -1,0 +1,92 @@
+//! Who receives light: a surface's patch, its tree of elements, and what a pair task brought to it.
+
+use glam::DVec3;
+
+use super::packet::Shape;
+use crate::math::Split;
+use crate::math::basis::MAX_FUNCTIONS;
+use crate::scene::{Frame, Surface};
+
+/// What a pair task needs to know of the receiving surface.
+#[derive(Clone, Debug)]
+pub struct Patch<const N: usize> {
+    /// Index of the surface.
+    pub surface: u32,
+    /// Its face.
+    pub face: u32,
+    /// The parallelogram.
+    pub frame: Frame,
+    /// Reflectance per band.
+    pub reflectance: [f64; N],
+    /// Corners of the polygon in metres.
+    pub corners: Box<[DVec3]>,
+}
+
+impl<const N: usize> Patch<N> {
+    /// The patch of a surface with `N` bands.
+    pub fn new(index: u32, surface: &Surface) -> Self {
+        Self {
+            surface: index,
+            face: surface.face,
+            frame: surface.frame,
+            reflectance: std::array::from_fn(|n| surface.reflectance[n]),
+            corners: surface.outline.iter().map(|p| surface.frame.point(*p)).collect(),
+        }
+    }
+}
+
+impl<const N: usize> Patch<N> {
+    /// Bound on the mean radiosity, all bands, that irradiance with these coefficients causes: `Σ ‖ρ b_l‖ ∫|φ_l|`.
+    pub fn reflected_w_m2(&self, light: &[[f64; N]; MAX_FUNCTIONS]) -> f64 {
+        // ∫|φ_l| is 1 for the mean and at most 0.87 for the others.
+        let reflected = |c: &[f64; N]| (0..N).map(|n| self.reflectance[n] * c[n].abs()).sum::<f64>();
+        reflected(&light[0]) + 0.87 * light[1..].iter().map(reflected).sum::<f64>()
+    }
+}
+
+/// A receiving element, which owns the elements below it.
+pub trait Receiver<const N: usize>: Send {
+    /// How the cell lies to the surface's polygon.
+    fn shape(&self) -> &Shape;
+    /// How it is divided, if it is.
+    fn split(&self) -> Option<Split>;
+    /// Divides it; `shapes` are those of the children.
+    fn subdivide(&mut self, split: Split, shapes: Vec<Shape>);
+    /// The children of a divided element, else none.
+    fn children_mut(&mut self) -> &mut [Self]
+    where
+        Self: Sized;
+    /// Adds irradiance in W/m², given by its coefficients.
+    fn deposit(&mut self, irradiance: &[[f64; N]; MAX_FUNCTIONS]);
+}
+
+/// What a pair task brought to a receiver.
+#[derive(Clone, Copy, Debug)]
+pub struct Deposited<const N: usize> {
+    /// Power received, per band, in W.
+    pub received_w: [f64; N],
+    /// Bound on the power to reflect, all bands, in W: `Σ ‖ρ b_l‖ ∫|φ_l|` over the coefficients.
+    pub to_reflect_w: f64,
+    /// Sum of squared link errors `(ρ δ)² A`, W²/m².
+    pub error_squared: f64,
+    /// Cost of the longest chain of parts that wait for each other: from the whole receiver down to one of its leaves.
+    pub span: u64,
+}
+
+impl<const N: usize> Default for Deposited<N> {
+    fn default() -> Self {
+        Self { received_w: [0.0; N], to_reflect_w: 0.0, error_squared: 0.0, span: 0 }
+    }
+}
+
+impl<const N: usize> Deposited<N> {
+    /// Adds what another part brought that waits for none of these.
+    pub(super) fn add_beside(&mut self, o: Self) {
+        for n in 0..N {
+            self.received_w[n] += o.received_w[n];
+        }
+        self.to_reflect_w += o.to_reflect_w;
+        self.error_squared += o.error_squared;
+        self.span = self.span.max(o.span);
+    }
+}
