@@ -78,10 +78,9 @@ impl<const N: usize> Tree<N> {
         self.measure_unshot();
     }
 
-    /// Darkens the tree for a better transport of the light it reflects by now, which is returned; what the new irradiance differs from
-    /// the old is unshot.
+    /// Darkens the tree, all of whose irradiance is marked unshot ([`Tree::unshoot`]), for a better transport of the light it reflects by
+    /// now, which is returned; what the new irradiance differs from the old is unshot.
     pub fn restart(&mut self, prune_w_m2: f64) -> Packet<N> {
-        self.root.unshoot();
         let packet = self.take_packet(prune_w_m2);
         self.root.restart();
         self.error_squared = 0.0;

@@ -137,12 +137,14 @@ impl<'a, const N: usize> Gather<'a, N> {
         if geometry.faces_away(self.points.normal, self.centre, self.radius) {
             return;
         }
+        let strength = strength(&emitter.coefficients);
+        let traceable = self.is_traceable(candidates);
         let nodes = CellNodes::default();
         let mut divided = 0;
         for p in points_of(active) {
             let x = self.points.position[p];
             let Some(view) = geometry.view(self.points.normal, x) else { continue };
-            match self.judge(emitter, &view, candidates, tolerance) {
+            match self.judge(emitter, strength, traceable, &view, candidates, tolerance) {
                 Some(how) if self.take(p, emitter, &nodes, candidates, &how) => {}
                 _ => divided |= 1 << p,
             }
@@ -152,15 +154,17 @@ impl<'a, const N: usize> Gather<'a, N> {
         }
     }
 
-    /// How a point with this view takes the cell's light; `None` where it must be divided.
+    /// How a point with this view takes the light of a cell with this mean and variation; `None` where it must be divided. Where a shadow
+    /// crosses it, its blockers may be `traceable`.
     fn judge(
         &self,
         emitter: &EmitterCell<N>,
+        (mean, variation): (f64, f64),
+        traceable: bool,
         view: &View,
         candidates: Candidates,
         tolerance: Tolerance,
     ) -> Option<How> {
-        let (mean, variation) = strength(&emitter.coefficients);
         let order = self.packet.basis.order();
         let detail = emitter.node.map_or(Detail::default(), |n| self.packet.nodes[n as usize].detail);
         let estimate = (mean + variation) * view.form_factor;
@@ -199,7 +203,7 @@ impl<'a, const N: usize> Gather<'a, N> {
             Partial::Divide
         } else if MIXED_ERROR[rays] * estimate <= tolerance.absolute_w_m2 {
             Partial::Rays
-        } else if self.is_traceable(candidates)
+        } else if traceable
             && (FRAGMENT_ERROR[how.closed_form as usize] * variation <= tolerance.absolute_w_m2
                 || !splittable)
         {
