@@ -20,14 +20,17 @@ use super::pass::{Pass, PassStatistics};
 use super::watch::{Observer, Watch, observed};
 
 /// Share of the error that links may use.
-const LINK_SHARE: f64 = 0.9;
+const LINK_SHARE: f64 = 0.97;
 /// Share of the error that power left unshot may cause; with the links' share it adds up to one in squares.
-const UNSHOT_SHARE: f64 = 0.43;
+const UNSHOT_SHARE: f64 = 0.2;
+/// Share of the error, taken as a deviation at a point, above which a link goes down to elements that others have made: what several links
+/// bring to a corner is smooth in sum only, and sums are exact where all are projected on the same elements.
+const POINT_LIMIT: f64 = 0.03;
 /// Light that is still to come does not spread evenly: RMS over mean.
 const SPREAD: f64 = 1.5;
 /// The root of the sum of squared link errors, times this, is the error of the solution in dark scenes; the second number is how it grows
 /// with the gain `ρ/(1 − ρ)`, since link errors are reflected on (calibrated on the reference scenes and furnaces).
-const LINK_CALIBRATION: (f64, f64) = (1.4, 0.2);
+const LINK_CALIBRATION: (f64, f64) = (1.4, 0.4);
 /// Below one percent, errors that no sample shows (contacts, thin shadows) fall slower than those of links: the calibration grows with this
 /// power of the target under 0.01.
 const UNSEEN_GROWTH: f64 = 0.25;
@@ -245,6 +248,7 @@ impl<'a, const N: usize> Run<'a, N> {
             threshold_w_m,
             reference_w_m2: self.guess_norm() / root_area,
             least_reflectance: self.mean_reflectance,
+            point_w_m2: POINT_LIMIT * allowed_w_m / root_area,
             samples: SampleRule::new(self.options.basis),
         };
         let pass = Pass {

@@ -38,6 +38,8 @@ struct Sampling {
 struct Look<const N: usize> {
     projected: Projected<N>,
     error: f64,
+    /// The largest error at a test point.
+    worst: f64,
     unseen: f64,
     light: f64,
 }
@@ -78,10 +80,15 @@ impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
             let sharp = tolerance.absolute_w_m2.max(tolerance.relative * look.light) <= 1.001 * strict
                 || tolerance.relative <= SHARPEST;
             // What the look may be wrong by must not divide the element.
-            let noise = if sharp { 0.0 } else { weight * tolerance.absolute_w_m2 };
+            let noise_w_m2 = if sharp { 0.0 } else { self.weight * tolerance.absolute_w_m2 };
+            let noise = area.sqrt() * noise_w_m2;
             let accepted = uniform
                 || indivisible
                 || link_error.hypot(area.sqrt() * look.unseen) <= self.threshold + noise;
+            let divided = receiver.split();
+            if accepted && divided.is_some() && look.worst > self.rules.point_w_m2 + noise_w_m2 {
+                return divided;
+            }
             if !accepted {
                 return Some(self.direction(cell, &look));
             }
@@ -139,31 +146,33 @@ impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
             &mut uncertain[..n],
         );
         let projected = self.rules.samples.project(&values[..n]);
-        let error = self.residual(sampling, &projected, &values, whole);
+        let (error, worst) = self.residual(sampling, &projected, &values, whole);
         let unseen = self.weight * mean_square(&uncertain[..n], sampling.inside).sqrt();
         let light = values[..n].iter().map(norm).fold(0.0, f64::max);
-        Look { projected, error, unseen, light }
+        Look { projected, error, worst, unseen, light }
     }
 
-    /// RMS error of the projected irradiance over the element times the weight, in W/m².
+    /// RMS error of the projected irradiance over the element times the weight, and the largest at a test point, in W/m².
     fn residual(
         &self,
         sampling: &Sampling,
         projected: &Projected<N>,
         values: &[[f64; N]; MAX_SAMPLES],
         whole: bool,
-    ) -> f64 {
+    ) -> (f64, f64) {
         let rule = &self.rules.samples;
         let tests = if whole { rule.nodes..sampling.count } else { 0..sampling.count };
-        let (mut sum, mut count) = (0.0, 0);
+        let (mut sum, mut count, mut worst) = (0.0, 0, 0.0f64);
         for p in tests.filter(|p| sampling.inside & (1 << p) != 0) {
-            sum += rule.residual_squared(p, &projected.coefficients, &values[p]);
+            let square = rule.residual_squared(p, &projected.coefficients, &values[p]);
+            sum += square;
+            worst = worst.max(square);
             count += 1;
         }
         let tested = if count > 0 { sum / count as f64 } else { 0.0 };
         let (beyond_u, beyond_v) = projected.beyond;
         let truncated = if whole { beyond_u * beyond_u + beyond_v * beyond_v } else { 0.0 };
-        self.weight * tested.max(truncated).sqrt()
+        (self.weight * tested.max(truncated).sqrt(), self.weight * worst.sqrt())
     }
 
     /// Across which direction the error asks to divide; both where it does not say.

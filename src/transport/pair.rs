@@ -47,6 +47,8 @@ pub struct Rules {
     pub reference_w_m2: f64,
     /// Reflectances below this count as this in link errors, in all bands alike, so that dark surfaces know their irradiance too.
     pub least_reflectance: f64,
+    /// Deviation at a point in W/m² of radiosity above which a link goes down to elements that are there already.
+    pub point_w_m2: f64,
     /// How receivers are sampled and projected.
     pub samples: SampleRule,
 }
