@@ -92,6 +92,8 @@ fn work(solved: &Solved) -> Work {
         pairs_skipped: BTreeMap::from([("behind".to_owned(), done.pairs_behind)]),
         pairs_without_rays: done.pairs_unoccluded,
         transfers_coarse: done.pairs_coarse,
+        pairs_clustered: done.pairs_clustered,
+        clusters: done.clusters,
         bands_computed: solved.bands_computed as u64,
         shots: outcome.statistics.shots,
         batches: outcome.statistics.batches,

@@ -159,6 +159,10 @@ pub struct Work {
     pub pairs_without_rays: u64,
     /// Transfers too small to be resolved, for which one sample was taken.
     pub transfers_coarse: u64,
+    /// Pairs of surfaces taken in clusters of emitters.
+    pub pairs_clustered: u64,
+    /// Clusters taken as one, for one receiver each.
+    pub clusters: u64,
     /// Bands computed; the others are copies of them.
     pub bands_computed: u64,
     /// Emitters shot in the last pass.
@@ -323,6 +327,8 @@ pub(super) mod tests {
                 pairs_skipped: BTreeMap::from([("behind".to_owned(), 320), ("black".to_owned(), 12)]),
                 pairs_without_rays: 41_000,
                 transfers_coarse: 900,
+                pairs_clustered: 12_000,
+                clusters: 700,
                 bands_computed: 3,
                 shots: 96,
                 batches: 7,

@@ -3,7 +3,7 @@
 //! Everything a batch changes belongs to one receiver, so the order of receivers, and who takes which, does not show in the result.
 
 use crate::radiosity::Tree;
-use crate::transport::{Helpers, Lamp, Packet, Rules, Scratch, shoot};
+use crate::transport::{Helpers, Lamp, Packets, Rules, Scratch, shoot};
 use crate::visibility::Occluder;
 
 use super::watch::Watch;
@@ -16,6 +16,12 @@ const LARGEST_SHARE: f64 = 0.1;
 /// Who joins a batch has at least this share of the brightest's power.
 const LEAST_POWER: f64 = 0.25;
 
+/// From this many lit surfaces on they cluster ([`Packets`]), and a batch costs less than its shooters one by one: all but the dimmest shoot.
+const MANY: usize = 256;
+
+/// Share of the unshot power that the dimmest keep then.
+const KEPT: f64 = 0.2;
+
 /// How many surfaces shoot between two choices.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Batches {
@@ -27,10 +33,22 @@ pub enum Batches {
 }
 
 impl Batches {
-    /// Who shoots next, by index: the brightest, and with it those that are nearly as bright.
-    pub fn choose<const N: usize>(self, trees: &[Tree<N>]) -> Vec<usize> {
+    /// Who shoots next, by index: the brightest, and with it those that are nearly as bright; of many, all but the dimmest. `stop_w` is the
+    /// power in W that may be left unshot.
+    pub fn choose<const N: usize>(self, trees: &[Tree<N>], stop_w: f64) -> Vec<usize> {
         let mut lit: Vec<usize> = (0..trees.len()).filter(|i| trees[*i].unshot_w > 0.0).collect();
         lit.sort_by(|a, b| trees[*b].unshot_w.total_cmp(&trees[*a].unshot_w).then(a.cmp(b)));
+        if self == Batches::Fitted && lit.len() >= MANY {
+            let mut left: f64 = lit.iter().map(|i| trees[*i].unshot_w).sum();
+            let kept = (KEPT * left).max(0.5 * stop_w);
+            lit.retain(|i| {
+                let shoots = left > kept;
+                left -= trees[*i].unshot_w;
+                shoots
+            });
+            lit.sort_unstable();
+            return lit;
+        }
         let most = match self {
             Batches::Single => 1,
             Batches::Fitted => {
@@ -52,13 +70,13 @@ pub struct Batch<'a, const N: usize> {
     /// Lights without area; they come first.
     pub lamps: &'a [Lamp<N>],
     /// What surfaces send.
-    pub packets: &'a [Packet<N>],
+    pub packets: &'a Packets<N>,
 }
 
 impl<const N: usize> Batch<'_, N> {
     /// Number of sources.
     pub fn len(&self) -> usize {
-        self.lamps.len() + self.packets.len()
+        self.lamps.len() + self.packets.as_slice().len()
     }
 
     /// Whether there is nothing to shoot.
@@ -80,10 +98,9 @@ impl<const N: usize> Batch<'_, N> {
             let deposited = shoot(lamp, &tree.patch, &mut tree.root, occluder, rules, scratch, helpers);
             tree.book(&deposited);
         }
-        for packet in self.packets.iter().take_while(|_| go_on()) {
-            let deposited = shoot(packet, &tree.patch, &mut tree.root, occluder, rules, scratch, helpers);
-            tree.book(&deposited);
-        }
+        let Tree { patch, root, .. } = tree;
+        let deposited = self.packets.shoot(patch, root, occluder, rules, scratch, helpers, &go_on);
+        tree.book(&deposited);
         tree.work += std::mem::take(&mut scratch.work);
         watch.receiver_done();
     }
@@ -101,20 +118,26 @@ mod tests {
         let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/furnished-room.iv");
         let mut trees = trees::<3>(&surfaces(&read_file(&path).unwrap()), Basis::Haar);
         let count = trees.len();
-        assert_eq!(Batches::Fitted.choose(&trees), [0; 0], "nothing is lit");
+        assert_eq!(Batches::Fitted.choose(&trees, 0.0), [0; 0], "nothing is lit");
         trees[3].unshot_w = 1e-9;
-        assert_eq!(Batches::Fitted.choose(&trees), [3], "one shoots, however dim");
+        assert_eq!(Batches::Fitted.choose(&trees, 0.0), [3], "one shoots, however dim");
         for (i, tree) in trees.iter_mut().enumerate() {
             tree.unshot_w = 1.0 + (i % 7) as f64 / 10.0;
         }
-        let even = Batches::Fitted.choose(&trees);
+        let even = Batches::Fitted.choose(&trees, 0.0);
         assert_eq!(even.len(), count / 10);
         assert!(
             even.is_sorted() && even.iter().all(|i| i % 7 == 6),
             "the brightest, in the order of the surfaces"
         );
-        assert_eq!(Batches::Single.choose(&trees), [6]);
+        assert_eq!(Batches::Single.choose(&trees, 0.0), [6]);
         trees[10].unshot_w = 10.0;
-        assert_eq!(Batches::Fitted.choose(&trees), [10], "the others are too dim beside it");
+        assert_eq!(Batches::Fitted.choose(&trees, 0.0), [10], "the others are too dim beside it");
+        let many: Vec<Tree<3>> = trees.iter().cycle().take(10 * MANY).cloned().collect();
+        let total: f64 = many.iter().map(|tree| tree.unshot_w).sum();
+        let shot: f64 = Batches::Fitted.choose(&many, 0.0).iter().map(|i| many[*i].unshot_w).sum();
+        assert!((shot / total - 0.8).abs() < 0.01, "a fifth is kept");
+        let shot: f64 = Batches::Fitted.choose(&many, total).iter().map(|i| many[*i].unshot_w).sum();
+        assert!((shot / total - 0.5).abs() < 0.01, "more is kept where more may be left");
     }
 }

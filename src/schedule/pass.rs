@@ -7,7 +7,7 @@ use ccnuma::WorkerPanic;
 
 use crate::radiosity::{Tree, add_ambient};
 use crate::transport::lamp::Lamp;
-use crate::transport::{Packet, Rules, Work};
+use crate::transport::{Packet, Packets, Rules, Work};
 use crate::visibility::Occluder;
 
 use super::batch::{Batch, Batches};
@@ -82,13 +82,14 @@ impl<const N: usize> Pass<'_, N> {
             .map(Tree::exitance_packet)
             .collect();
         watch.batch(0.0, 1.0, trees.len());
+        let emitters = Packets::new(emitters, self.rules);
         self.shoot(&Batch { lamps: self.lamps, packets: &emitters }, trees, crew, watch, &mut statistics)?;
         statistics.direct = take_work(trees);
         statistics.first_reflection_w = unshot_w(trees);
         statistics.direct_s = start.elapsed().as_secs_f64();
         let start = Instant::now();
         if !self.direct_only {
-            self.interreflect(trees, &reflected, crew, watch, &mut statistics)?;
+            self.interreflect(trees, reflected, crew, watch, &mut statistics)?;
         }
         statistics.interreflection = take_work(trees);
         statistics.interreflection_s = start.elapsed().as_secs_f64();
@@ -128,7 +129,7 @@ impl<const N: usize> Pass<'_, N> {
     fn interreflect(
         &self,
         trees: &mut [Tree<N>],
-        reflected: &[Packet<N>],
+        reflected: Vec<Packet<N>>,
         crew: &mut Crew<'_>,
         watch: &Watch,
         statistics: &mut PassStatistics,
@@ -140,13 +141,14 @@ impl<const N: usize> Pass<'_, N> {
         }
         let mut done = 0.0;
         if !reflected.is_empty() {
-            for packet in reflected {
+            for packet in &reflected {
                 for n in 0..N {
                     shot_w[n] += packet.nodes[0].coefficients[0][n] * trees[packet.surface as usize].area_m2;
                 }
             }
             watch.batch(0.0, REFLECTED_SHARE, trees.len());
-            self.shoot(&Batch { lamps: &[], packets: reflected }, trees, crew, watch, statistics)?;
+            let reflected = Packets::new(reflected, self.rules);
+            self.shoot(&Batch { lamps: &[], packets: &reflected }, trees, crew, watch, statistics)?;
             crew.map(trees, |_| true, Tree::measure_unshot)?;
             done = REFLECTED_SHARE;
         }
@@ -160,7 +162,7 @@ impl<const N: usize> Pass<'_, N> {
             // Power decays geometrically: progress on a logarithmic scale.
             let share = done + (1.0 - done) * (first / left).ln() / (first / self.stop_w).ln();
             watch.batch(share, share, trees.len());
-            let shooters = self.batches.choose(trees);
+            let shooters = self.batches.choose(trees, self.stop_w);
             for shooter in &shooters {
                 let power_w = trees[*shooter].unshot_by_band_w();
                 for n in 0..N {
@@ -169,6 +171,7 @@ impl<const N: usize> Pass<'_, N> {
             }
             let shoots = |tree: &Tree<N>| shooters.binary_search(&(tree.patch.surface as usize)).is_ok();
             let packets = crew.map(trees, shoots, |tree| tree.take_packet(self.prune_w_m2))?;
+            let packets = Packets::new(packets, self.rules);
             self.shoot(&Batch { lamps: &[], packets: &packets }, trees, crew, watch, statistics)?;
         }
     }

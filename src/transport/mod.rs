@@ -5,6 +5,7 @@
 //! knows a thread; a pair task borrows the packet and owns the receiver.
 
 pub mod candidates;
+mod cluster;
 pub mod gather;
 pub mod kernel;
 pub mod lambert;
@@ -15,6 +16,7 @@ pub mod packet;
 pub mod pair;
 pub mod receiver;
 pub mod samples;
+mod several;
 pub mod share;
 pub mod source;
 pub mod unblocked;
@@ -27,6 +29,7 @@ pub use packet::{Detail, Packet, PacketNode, Shape};
 pub use pair::{Oracle, Rules, Scratch, shoot};
 pub use receiver::{Deposited, Patch, Receiver};
 pub use samples::SampleRule;
+pub use several::Packets;
 pub use share::{Half, Helpers};
 pub use source::Source;
 pub use work::Work;

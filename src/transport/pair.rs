@@ -31,7 +31,7 @@ pub enum Oracle {
 }
 
 /// Pairs that carry less than this share of the threshold are taken by one sample.
-const COARSE_SHARE: f64 = 0.5;
+pub(super) const COARSE_SHARE: f64 = 0.5;
 
 /// Tolerance of the first look at an element, and of a pair that is taken by one sample, as a share of the light.
 pub(super) const COARSE: f64 = 0.25;
@@ -241,10 +241,7 @@ impl<'a, const N: usize, S: Source<N>> Shoot<'a, N, S> {
         area_m2: f64,
     ) {
         receiver.deposit(light);
-        self.deposited.to_reflect_w += area_m2 * self.patch.reflected_w_m2(light);
-        for n in 0..N {
-            self.deposited.received_w[n] += area_m2 * light[0][n];
-        }
+        self.deposited.take(self.patch, light, area_m2);
     }
 
     #[allow(clippy::too_many_arguments)]
@@ -353,7 +350,7 @@ impl<'a, const N: usize, S: Source<N>> Shoot<'a, N, S> {
 }
 
 /// A point inside the outline: the mean of its corners, or where that lies outside, the point of the boundary nearest to it.
-fn middle_of(outline: &[DVec2]) -> DVec2 {
+pub(super) fn middle_of(outline: &[DVec2]) -> DVec2 {
     let mean = outline.iter().sum::<DVec2>() / outline.len() as f64;
     if polygon::contains(outline, mean) {
         mean

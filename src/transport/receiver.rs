@@ -80,6 +80,21 @@ impl<const N: usize> Default for Deposited<N> {
 }
 
 impl<const N: usize> Deposited<N> {
+    /// Counts irradiance that a part of the receiver takes.
+    pub(super) fn take(&mut self, patch: &Patch<N>, light: &[[f64; N]; MAX_FUNCTIONS], area_m2: f64) {
+        self.to_reflect_w += area_m2 * patch.reflected_w_m2(light);
+        for n in 0..N {
+            self.received_w[n] += area_m2 * light[0][n];
+        }
+    }
+
+    /// Adds what was brought after these.
+    pub(super) fn add_after(&mut self, o: Self) {
+        let span = self.span + o.span;
+        self.add_beside(o);
+        self.span = span;
+    }
+
     /// Adds what another part brought that waits for none of these.
     pub(super) fn add_beside(&mut self, o: Self) {
         for n in 0..N {

@@ -23,6 +23,10 @@ pub struct Work {
     pub pairs_behind: u64,
     /// Transfers too small for the error budget to be resolved: one sample was taken.
     pub pairs_coarse: u64,
+    /// Clusters of emitters that were taken as one, for one receiver each.
+    pub clusters: u64,
+    /// Pairs of surfaces that were taken in clusters.
+    pub pairs_clustered: u64,
 }
 
 impl Work {
@@ -43,5 +47,7 @@ impl std::ops::AddAssign for Work {
         self.pairs_hidden += o.pairs_hidden;
         self.pairs_behind += o.pairs_behind;
         self.pairs_coarse += o.pairs_coarse;
+        self.clusters += o.clusters;
+        self.pairs_clustered += o.pairs_clustered;
     }
 }
