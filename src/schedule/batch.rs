@@ -72,7 +72,7 @@ impl<const N: usize> Batch<'_, N> {
         tree: &mut Tree<N>,
         (occluder, rules): (&dyn Occluder, &Rules),
         scratch: &mut Scratch,
-        helpers: Option<&dyn Helpers>,
+        helpers: &dyn Helpers,
         watch: &Watch,
     ) {
         let go_on = || !watch.stopped();
@@ -91,6 +91,9 @@ impl<const N: usize> Batch<'_, N> {
 
 #[cfg(test)]
 mod tests {
+    use ccnuma::Arena;
+    use ccnuma::arena::Backend;
+
     use super::*;
     use crate::math::Basis;
     use crate::radiosity::trees;
@@ -99,7 +102,8 @@ mod tests {
     #[test]
     fn shooters_follow_from_the_energy_alone() {
         let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/furnished-room.iv");
-        let mut trees = trees::<3>(&surfaces(&read_file(&path).unwrap()), Basis::Haar);
+        let mut trees =
+            trees::<3>(&surfaces(&read_file(&path).unwrap()), Basis::Haar, &Arena::new(Backend::Malloc));
         let count = trees.len();
         assert_eq!(Batches::Fitted.choose(&trees), [0; 0], "nothing is lit");
         trees[3].unshot_w = 1e-9;

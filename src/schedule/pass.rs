@@ -11,6 +11,7 @@ use crate::transport::{Packet, Rules, Work};
 use crate::visibility::Occluder;
 
 use super::batch::{Batch, Batches};
+use super::copies::Copies;
 use super::crew::{Crew, Longest};
 use super::watch::{Stage, Watch};
 
@@ -23,6 +24,8 @@ pub struct Pass<'a, const N: usize> {
     pub lamps: &'a [Lamp<N>],
     /// What may stand between.
     pub occluder: &'a dyn Occluder,
+    /// Copies of it near the workers.
+    pub(super) occluders: &'a Copies<Box<dyn Occluder + Send>>,
     /// Rules of the pair tasks.
     pub rules: &'a Rules,
     /// Whether to stop after direct illumination.
@@ -54,6 +57,8 @@ pub struct PassStatistics {
     pub batches: u64,
     /// What no number of workers can be faster than.
     pub longest: Longest,
+    /// Bytes of the packets of the largest batch, copies included.
+    pub packet_bytes: u64,
     /// Power left unshot in W.
     pub unshot_w: f64,
     /// Power sent by the lights in W that arrived, reflected once.
@@ -74,7 +79,7 @@ impl<const N: usize> Pass<'_, N> {
         let mut statistics = PassStatistics::default();
         let start = Instant::now();
         watch.stage(Stage::Direct);
-        crew.settle(trees);
+        crew.settle(trees)?;
         let reflected = self.restart(trees, crew)?;
         let emitters: Vec<Packet<N>> = trees
             .iter()
@@ -184,9 +189,15 @@ impl<const N: usize> Pass<'_, N> {
         if batch.is_empty() {
             return Ok(());
         }
-        let longest = crew.light(trees, |tree, scratch, helpers| {
-            batch.light(tree, (self.occluder, self.rules), scratch, helpers, watch);
+        let bytes: usize = batch.packets.iter().map(Packet::bytes).sum();
+        let copies = crew.copy_all(batch.packets, bytes)?;
+        let longest = crew.light(trees, |tree, scratch, helpers, node| {
+            let packets = copies.on(node).map_or(batch.packets, |packets| packets);
+            let occluder = self.occluders.on(node).map_or(self.occluder, |occluder| &**occluder);
+            let near = Batch { packets, ..*batch };
+            near.light(tree, (occluder, self.rules), scratch, helpers, watch);
         })?;
+        statistics.packet_bytes = statistics.packet_bytes.max((bytes * (1 + copies.len())) as u64);
         statistics.longest.receiver += longest.receiver;
         statistics.longest.chain += longest.chain;
         statistics.shots += batch.len() as u64;

@@ -27,6 +27,6 @@ pub use packet::{Detail, Packet, PacketNode, Shape};
 pub use pair::{Oracle, Rules, Scratch, shoot};
 pub use receiver::{Deposited, Patch, Receiver};
 pub use samples::SampleRule;
-pub use share::{Half, Helpers};
+pub use share::{Alone, Half, Helpers};
 pub use source::Source;
 pub use work::Work;

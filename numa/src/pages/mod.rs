@@ -9,7 +9,7 @@ mod linux;
 #[cfg(not(all(target_os = "linux", not(miri))))]
 mod portable;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ptr::NonNull;
 
 use serde::Serialize;
@@ -258,11 +258,35 @@ pub fn count_of<T>(items: &[T]) -> Result<PageCount, Error> {
     count(items.as_ptr().cast(), size_of_val(items))
 }
 
+/// The pages that hold some values, each once.
+#[derive(Clone, Debug, Default)]
+pub struct PageSet(BTreeSet<usize>);
+
+impl PageSet {
+    /// Adds the pages that hold these items.
+    pub fn add<T>(&mut self, items: &[T]) {
+        if size_of_val(items) > 0 {
+            let (page, first) = (sys::page_bytes(), items.as_ptr().addr());
+            self.0.extend(first / page..=(first + size_of_val(items) - 1) / page);
+        }
+    }
+
+    /// Which nodes they are on.
+    pub fn count(&self) -> Result<PageCount, Error> {
+        let page = sys::page_bytes();
+        count_at(&self.0.iter().map(|number| number * page).collect::<Vec<_>>())
+    }
+}
+
 /// Which nodes the pages of an address range are on. The kernel only looks up the addresses, nothing is read.
 pub(crate) fn count(base: *const u8, bytes: usize) -> Result<PageCount, Error> {
     let page = sys::page_bytes();
     let first = base.addr() / page * page;
-    let addresses: Vec<usize> = (first..base.addr() + bytes).step_by(page).collect();
+    count_at(&(first..base.addr() + bytes).step_by(page).collect::<Vec<_>>())
+}
+
+/// Which nodes the pages at these addresses are on.
+fn count_at(addresses: &[usize]) -> Result<PageCount, Error> {
     let mut count = PageCount::default();
     for batch in addresses.chunks(4096) {
         for status in sys::nodes_of(batch).map_err(|reason| Error::PageQuery { reason })? {
