@@ -115,7 +115,12 @@ fn memory_policies_do_not_show_in_the_solution() {
             assert_eq!(footprint.pages_per_node.is_ok(), memory != Memory::Malloc, "{what}");
             let copies =
                 footprint.bytes_by_kind["visibility"] / expected.footprint.bytes_by_kind["visibility"];
-            assert_eq!(copies, if memory == Memory::Node && workers > 1 { 3 } else { 1 }, "{what}");
+            let expected = match memory {
+                Memory::Node if workers > 1 => 3,
+                Memory::Interleave if workers > 1 => 2,
+                _ => 1,
+            };
+            assert_eq!(copies, expected, "{what}");
             assert!(memory == Memory::Node || footprint.moved == 0, "{what}");
         }
     }

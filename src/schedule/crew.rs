@@ -252,3 +252,70 @@ impl<'t> Crew<'t> {
 fn staff(team: &Team) -> Vec<usize> {
     team.plan().workers_by_node().iter().map(Vec::len).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use ccnuma::{Machine, Plan, Policy};
+
+    use super::*;
+    use crate::math::Split;
+    use crate::scene::{read::read_file, surfaces};
+    use crate::transport::{Receiver, Shape};
+
+    #[test]
+    fn trees_move_only_when_it_pays_and_memory_does_not_grow() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/furnished-room.iv");
+        let surfaces = surfaces(&read_file(&path).unwrap());
+        let machine = Machine::synthetic("numa:2 core:2 pu:1").unwrap();
+        let mut team = Team::new(&Plan::new(machine.into(), Policy::None, Some(4)).unwrap()).unwrap();
+        let mut crew = Crew::new(Some(&mut team), Memory::Node, &surfaces).unwrap();
+        let mut trees = crew.grow::<3>(&surfaces, Basis::M3).unwrap();
+        let shapes = [const { Shape::Whole }; 4];
+        let divide = |tree: &mut Tree<3>, arena: &Arena| {
+            tree.root.subdivide(Split::Both, &shapes, arena);
+            for child in tree.root.children_mut() {
+                child.subdivide(Split::Both, &shapes, arena);
+                child.deposit(&[[1.5; 3]; 9]);
+            }
+        };
+        crew.at_home(
+            trees.iter_mut().collect(),
+            |tree| tree.patch.surface as usize,
+            |tree, arena| divide(tree, arena),
+        )
+        .unwrap();
+        let fields: Vec<_> = trees.iter().map(Tree::field).collect();
+        crew.settle(&mut trees).unwrap();
+        assert_eq!(crew.moved, 0, "homes were given by area, and nothing else is known");
+        let (first, last) = (crew.order[0], crew.order[surfaces.len() - 1]);
+        let mut most = 0;
+        for round in 0..40 {
+            let before = crew.moved;
+            crew.work[if round % 2 == 0 { first } else { last }] = 1000;
+            crew.work.iter_mut().for_each(|work| *work += 1);
+            crew.settle(&mut trees).unwrap();
+            assert!(
+                crew.moved > before,
+                "round {round}: nearly all work is one tree's, and the others went away"
+            );
+            let footprint = crew.footprint(&mut trees, [("a", 0), ("b", 0), ("c", 0)]).unwrap();
+            let bytes: u64 = footprint.arena_bytes_per_node.unwrap().values().sum();
+            most = if round < 4 { bytes.max(most) } else { most };
+            assert!(bytes <= most, "round {round}: {bytes} bytes, {most} before");
+        }
+        assert!(fields == trees.iter().map(Tree::field).collect::<Vec<_>>(), "what moves stays the same");
+        let moved = crew.moved;
+        crew.work.fill(1);
+        crew.settle(&mut trees).unwrap();
+        assert!(crew.moved > moved);
+        crew.work.fill(1);
+        crew.settle(&mut trees).unwrap();
+        let moved = crew.moved;
+        crew.work.fill(1);
+        crew.work[first] += 1;
+        crew.settle(&mut trees).unwrap();
+        assert_eq!(crew.moved, moved, "a little more work in one place moves nothing");
+    }
+}

@@ -253,6 +253,28 @@ fn nodes_add_up() -> bool {
     })
 }
 
+/// Calls `make` with the calling thread's fresh pages going round these nodes, as `numactl --interleave` does for a process: for what is
+/// allocated by others, such as large vectors. Pages that the allocator has already stay where they are.
+pub fn interleaving<R>(nodes: &CpuSet, make: impl FnOnce() -> R) -> R {
+    struct Reset;
+    impl Drop for Reset {
+        fn drop(&mut self) {
+            // What could be set can be reset.
+            let _ = sys::interleave_thread(None);
+        }
+    }
+    let _reset = match sys::interleave_thread(Some(nodes)) {
+        Ok(()) => Some(Reset),
+        Err(reason) => {
+            crate::warnings::note(format!(
+                "pages cannot be interleaved ({reason}): they land by first touch"
+            ));
+            None
+        }
+    };
+    make()
+}
+
 /// Which nodes the pages that hold these items are on.
 pub fn count_of<T>(items: &[T]) -> Result<PageCount, Error> {
     count(items.as_ptr().cast(), size_of_val(items))

@@ -1,0 +1,83 @@
+//! Where the elements of a solution lie, on the machine at hand: on one node nothing can be elsewhere, so `scripts/virtual-numa` boots these
+//! tests on virtual machines with several nodes.
+
+use std::path::Path;
+
+use ccnuma::arena::Memory;
+use ccnuma::{Machine, Plan, Policy, Team};
+use wavelet_radiosity::math::Basis;
+use wavelet_radiosity::scene;
+use wavelet_radiosity::schedule::{Options, Outcome, Schedule, Silent, solve_by};
+use wavelet_radiosity::transport::Oracle;
+use wavelet_radiosity::visibility::{Bvh, OpaqueFaces};
+
+fn machine() -> Machine {
+    Machine::this_machine().expect("the machine is readable")
+}
+
+/// Solves the Cornell box with a worker on each core, and shows where its elements lie.
+fn solve(memory: Memory) -> Outcome {
+    let text = include_str!("../scenes/cornell-box.iv");
+    let scene = scene::read::inventor::parse(text, Path::new("cornell-box.iv")).expect("a scene");
+    let surfaces = scene::surfaces(&scene);
+    let bvh = Bvh::new(OpaqueFaces::new(&scene));
+    let options = Options { error: 0.1, basis: Basis::M2, oracle: Oracle::Energy, direct_only: false };
+    let plan = Plan::new(machine().into(), Policy::Compact, None).expect("a plan");
+    let mut team = Team::new(&plan).expect("a team");
+    let schedule = Schedule { team: Some(&mut team), memory, ..Schedule::default() };
+    let outcome =
+        solve_by(schedule, &scene, &surfaces, &bvh, &options, &mut Silent).expect("no worker fails");
+    println!("{} elements: {:?}", outcome.elements, outcome.footprint);
+    outcome
+}
+
+/// Whether this process may bind pages: containers often may not.
+fn may_bind() -> bool {
+    let may = !ccnuma::warnings::all().iter().any(|warning| warning.contains("cannot be placed"));
+    if !may {
+        println!("memory cannot be placed here: nothing to see");
+    }
+    may
+}
+
+#[test]
+fn elements_are_at_home() {
+    let footprint = solve(Memory::Node).footprint;
+    let nodes = machine().nodes;
+    if may_bind() {
+        let at_home = footprint.pages_at_home.expect("counted");
+        assert!(at_home >= 0.99, "{at_home} of the pages with elements are at home");
+        let pages = footprint.pages_per_node.expect("counted");
+        let staffed = nodes.iter().filter(|node| node.has_cpus).map(|node| node.os);
+        assert!(pages.keys().copied().eq(staffed), "pages on every node with CPUs: {pages:?}");
+        let arenas = footprint.arena_bytes_per_node.expect("counted");
+        assert!(arenas.keys().eq(pages.keys()), "{arenas:?}");
+    }
+}
+
+#[test]
+fn interleaved_elements_are_everywhere() {
+    let footprint = solve(Memory::Interleave).footprint;
+    let nodes = machine().nodes.iter().filter(|node| node.has_cpus).count() as f64;
+    if may_bind() {
+        let pages = footprint.pages_per_node.expect("counted");
+        let total: u64 = pages.values().sum();
+        for (node, pages) in &pages {
+            let share = *pages as f64 / total as f64;
+            assert!((share - 1.0 / nodes).abs() < 0.15, "node {node} has {share} of the pages");
+        }
+        let at_home = footprint.pages_at_home.expect("counted");
+        assert!((at_home - 1.0 / nodes).abs() < 0.25, "{at_home} of the pages with elements are at home");
+    }
+}
+
+#[test]
+fn the_solution_is_the_same_wherever_it_lies() {
+    let expected = solve(Memory::Node);
+    for memory in [Memory::FirstTouch, Memory::Malloc] {
+        let found = solve(memory);
+        assert_eq!(found.footprint.element_bytes, expected.footprint.element_bytes);
+        assert!(found.solution.fields == expected.solution.fields, "{memory}");
+        assert!(found.footprint.pages_at_home.is_ok(), "{memory}");
+    }
+}
