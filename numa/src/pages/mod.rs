@@ -9,7 +9,7 @@ mod linux;
 #[cfg(not(all(target_os = "linux", not(miri))))]
 mod portable;
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::ptr::NonNull;
 
 use serde::Serialize;
@@ -280,21 +280,26 @@ pub fn count_of<T>(items: &[T]) -> Result<PageCount, Error> {
     count(items.as_ptr().cast(), size_of_val(items))
 }
 
-/// The pages that hold some values, each once.
+/// The pages that hold some values, by number.
 #[derive(Clone, Debug, Default)]
-pub struct PageSet(BTreeSet<usize>);
+pub struct PageSet(Vec<usize>);
 
 impl PageSet {
     /// Adds the pages that hold these items.
     pub fn add<T>(&mut self, items: &[T]) {
         if size_of_val(items) > 0 {
             let (page, first) = (sys::page_bytes(), items.as_ptr().addr());
-            self.0.extend(first / page..=(first + size_of_val(items) - 1) / page);
+            let pages = first / page..=(first + size_of_val(items) - 1) / page;
+            // Neighbours share pages.
+            let last = self.0.last().copied();
+            self.0.extend(pages.filter(|number| Some(*number) != last));
         }
     }
 
-    /// Which nodes they are on.
-    pub fn count(&self) -> Result<PageCount, Error> {
+    /// Which nodes they are on; each counts once.
+    pub fn count(mut self) -> Result<PageCount, Error> {
+        self.0.sort_unstable();
+        self.0.dedup();
         let page = sys::page_bytes();
         count_at(&self.0.iter().map(|number| number * page).collect::<Vec<_>>())
     }
