@@ -153,13 +153,14 @@ fn interleaved_pages_go_round() {
 
 fn large_vectors_can_be_interleaved() {
     let nodes: CpuSet = machine().nodes.iter().map(|node| node.os).collect();
-    let vector = interleaving(&nodes, || vec![1u8; 8 * HUGE + 1]);
+    // Huge pages go round whole, and the vector starts and ends within one.
+    let vector = interleaving(&nodes, || vec![1u8; 32 * HUGE]);
     let count = count_of(&vector).expect("counted");
     for node in nodes.iter() {
         let share = count.share_on(node).expect("touched");
-        assert!((share - 1.0 / nodes.len() as f64).abs() < 0.05, "{count:?}");
+        assert!((share - 1.0 / nodes.len() as f64).abs() < 0.06, "{count:?}");
     }
-    let here = vec![1u8; 8 * HUGE + 1];
+    let here = vec![1u8; 32 * HUGE];
     assert_eq!(count_of(&here).expect("counted").by_node.len(), 1, "the policy is reset");
 }
 

@@ -105,6 +105,12 @@ pub fn advise_huge(base: NonNull<u8>, bytes: usize) -> bool {
     advised && !huge_pages_off()
 }
 
+/// Asks for small pages; a kernel without huge ones refuses, which is as well.
+pub fn advise_small(base: NonNull<u8>, bytes: usize) {
+    // SAFETY: advice on an owned range; contents do not change.
+    unsafe { libc::madvise(base.as_ptr().cast(), bytes, libc::MADV_NOHUGEPAGE) };
+}
+
 /// Whether transparent huge pages are set to `never`; read once.
 fn huge_pages_off() -> bool {
     static OFF: std::sync::OnceLock<bool> = std::sync::OnceLock::new();

@@ -88,7 +88,7 @@ unsafe impl Sync for Pages {}
 impl Pages {
     /// Maps at least `bytes` bytes (rounded up to [`HUGE`]) placed as asked. Nothing is touched yet.
     pub fn map(bytes: usize, placement: &Placement) -> Result<Self, Error> {
-        let mut pages = Self::map_small(bytes, placement)?;
+        let mut pages = Self::map_unadvised(bytes, placement)?;
         pages.huge = sys::advise_huge(pages.base, pages.bytes);
         if !pages.huge {
             crate::warnings::note("huge pages are not available: small pages are used".to_owned());
@@ -96,8 +96,14 @@ impl Pages {
         Ok(pages)
     }
 
-    /// As [`Pages::map`] without asking for huge pages: what is not touched costs nothing.
+    /// As [`Pages::map`] on small pages, wherever the kernel's habit is: what is not touched costs nothing.
     pub fn map_small(bytes: usize, placement: &Placement) -> Result<Self, Error> {
+        let pages = Self::map_unadvised(bytes, placement)?;
+        sys::advise_small(pages.base, pages.bytes);
+        Ok(pages)
+    }
+
+    fn map_unadvised(bytes: usize, placement: &Placement) -> Result<Self, Error> {
         let too_big = || Error::Map { bytes, reason: "more than the address space".to_owned() };
         let bytes = bytes.max(1).checked_next_multiple_of(HUGE).ok_or_else(too_big)?;
         if let Placement::Bind(node) = *placement {

@@ -39,6 +39,8 @@ pub fn advise_huge(_: NonNull<u8>, _: usize) -> bool {
     false
 }
 
+pub fn advise_small(_: NonNull<u8>, _: usize) {}
+
 pub fn populate(_: NonNull<u8>, _: usize) {}
 
 pub fn nodes_of(_: &[usize]) -> Result<Vec<Option<usize>>, String> {
