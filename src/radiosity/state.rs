@@ -70,6 +70,8 @@ impl<const N: usize> Tree<N> {
         let mut nodes = vec![blank];
         let none = [[0.0; N]; MAX_FUNCTIONS];
         self.root.take_unshot(self.basis, &none, &self.patch.reflectance, prune_w_m2, &mut nodes, 0);
+        // Packets of all surfaces may be under way at once.
+        nodes.shrink_to_fit();
         self.unshot_w = 0.0;
         self.packet(self.basis, nodes)
     }
@@ -167,6 +169,7 @@ impl<const N: usize> Tree<N> {
         let coefficients = Vec::with_capacity(self.root.leaves() as usize * self.basis.len() * N);
         let mut field = Field { basis: self.basis, bands: N, nodes: vec![Node::Outside], coefficients };
         self.flatten(&self.root, &[[0.0; N]; MAX_FUNCTIONS], &mut field, 0);
+        field.nodes.shrink_to_fit();
         field
     }
 
