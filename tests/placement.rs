@@ -22,7 +22,7 @@ fn solve(memory: Memory) -> Outcome {
     let scene = scene::read::inventor::parse(text, Path::new("cornell-box.iv")).expect("a scene");
     let surfaces = scene::surfaces(&scene);
     let bvh = Bvh::new(OpaqueFaces::new(&scene));
-    let options = Options { error: 0.2, basis: Basis::M2, oracle: Oracle::Energy, direct_only: false };
+    let options = Options { error: 0.3, basis: Basis::M3, oracle: Oracle::Energy, direct_only: false };
     let plan = Plan::new(machine().into(), Policy::Compact, None).expect("a plan");
     let mut team = Team::new(&plan).expect("a team");
     let schedule = Schedule { team: Some(&mut team), memory, ..Schedule::default() };
@@ -62,16 +62,16 @@ fn elements_are_at_home() {
 #[test]
 fn interleaved_elements_are_everywhere() {
     let footprint = solve(Memory::Interleave).footprint;
-    let nodes = machine().nodes.iter().filter(|node| node.has_cpus).count() as f64;
+    let nodes = machine().nodes.iter().filter(|node| node.has_cpus).count();
     if may_bind() {
         let pages = footprint.pages_per_node.expect("counted");
         let total: u64 = pages.values().sum();
-        for (node, pages) in &pages {
-            let share = *pages as f64 / total as f64;
-            assert!((share - 1.0 / nodes).abs() < 0.15, "node {node} has {share} of the pages");
-        }
+        // Each worker has a few pages only, and all begin the round on the same node.
+        assert_eq!(pages.len(), nodes, "{pages:?}");
+        let most = pages.values().max().expect("a node");
+        assert!(nodes == 1 || 2 * most <= total, "{pages:?}");
         let at_home = footprint.pages_at_home.expect("counted");
-        assert!((at_home - 1.0 / nodes).abs() < 0.25, "{at_home} of the pages with elements are at home");
+        assert!(nodes == 1 || at_home < 0.6, "{at_home} of the pages with elements are at home");
     }
 }
 

@@ -21,7 +21,7 @@ pub enum Memory {
     /// On the node that is named with each allocation.
     #[default]
     Node,
-    /// Page by page round all nodes with CPUs.
+    /// Page by page round all nodes with CPUs, on small pages.
     Interleave,
     /// On the node of the worker that writes a page first.
     FirstTouch,
@@ -93,7 +93,8 @@ impl NodeArenas {
                 Memory::FirstTouch => Backend::Pages(Placement::FirstTouch),
                 Memory::Malloc => Backend::Malloc,
             });
-            if far { arena.on_small_pages() } else { arena }
+            // Huge pages would go round the nodes in lumps.
+            if far || self.memory == Memory::Interleave { arena.on_small_pages() } else { arena }
         })
     }
 
