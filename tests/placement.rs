@@ -69,9 +69,9 @@ fn interleaved_elements_are_everywhere() {
         // Each worker has a few pages only, and all begin the round on the same node.
         assert_eq!(pages.len(), nodes, "{pages:?}");
         let most = pages.values().max().expect("a node");
-        assert!(nodes == 1 || 2 * most <= total, "{pages:?}");
+        assert!(nodes == 1 || 3 * most <= 2 * total, "{pages:?}");
         let at_home = footprint.pages_at_home.expect("counted");
-        assert!(nodes == 1 || at_home < 0.6, "{at_home} of the pages with elements are at home");
+        assert!(nodes == 1 || at_home < 0.75, "{at_home} of the pages with elements are at home");
     }
 }
 
