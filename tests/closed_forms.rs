@@ -2,13 +2,15 @@
 
 use std::path::Path;
 
+use ccnuma::Arena;
+use ccnuma::arena::Backend;
 use glam::{DMat3, DVec2, DVec3};
 use wavelet_radiosity::math::{Basis, polygon};
 use wavelet_radiosity::radiosity::probe::{Probe, read_probes};
 use wavelet_radiosity::radiosity::trees;
 use wavelet_radiosity::scene::{self, Light, Scene};
 use wavelet_radiosity::schedule::{Options, Outcome, Silent, solve};
-use wavelet_radiosity::transport::{Oracle, Rules, SampleRule, Scratch, shoot};
+use wavelet_radiosity::transport::{Alone, Oracle, Rules, SampleRule, Scratch, shoot};
 use wavelet_radiosity::visibility::{Bvh, Occluder, OpaqueFaces};
 
 const BASES: [Basis; 3] = [Basis::Haar, Basis::M2, Basis::M3];
@@ -155,7 +157,8 @@ fn form_factor(emitter: &[[f64; 3]], receiver: &[[f64; 3]], basis: Basis, thresh
     let scene = parse(&(faces(0.0, 1.0, &[emitter]) + &faces(0.5, 0.0, &[receiver])));
     let surfaces = scene::surfaces(&scene);
     let bvh = Bvh::new(OpaqueFaces::new(&scene));
-    let mut trees = trees::<1>(&surfaces, basis);
+    let arena = Arena::new(Backend::Malloc);
+    let mut trees = trees::<1>(&surfaces, basis, &arena);
     let packet = trees[0].exitance_packet();
     let rules = Rules {
         oracle: Oracle::Energy,
@@ -166,7 +169,8 @@ fn form_factor(emitter: &[[f64; 3]], receiver: &[[f64; 3]], basis: Basis, thresh
         samples: SampleRule::new(basis),
     };
     let tree = &mut trees[1];
-    let deposited = shoot(&packet, &tree.patch, &mut tree.root, &bvh, &rules, &mut Scratch::default(), None);
+    let (helpers, mut scratch) = (Alone(&arena), Scratch::default());
+    let deposited = shoot(&packet, &tree.patch, &mut tree.root, &bvh, &rules, &mut scratch, &helpers);
     deposited.received_w[0] / tree.area_m2
 }
 
@@ -207,7 +211,8 @@ fn uniform_error(basis: Basis, depth: u8) -> f64 {
     let scene = parse(&(faces(0.0, 1.0, &[&lamp]) + &faces(0.5, 0.0, &[&floor])));
     let surfaces = scene::surfaces(&scene);
     let bvh = Bvh::new(OpaqueFaces::new(&scene));
-    let mut trees = trees::<1>(&surfaces, basis);
+    let arena = Arena::new(Backend::Malloc);
+    let mut trees = trees::<1>(&surfaces, basis, &arena);
     let packet = trees[0].exitance_packet();
     let rules = Rules {
         oracle: Oracle::Uniform(depth),
@@ -218,7 +223,7 @@ fn uniform_error(basis: Basis, depth: u8) -> f64 {
         samples: SampleRule::new(basis),
     };
     let tree = &mut trees[1];
-    shoot(&packet, &tree.patch, &mut tree.root, &bvh, &rules, &mut Scratch::default(), None);
+    shoot(&packet, &tree.patch, &mut tree.root, &bvh, &rules, &mut Scratch::default(), &Alone(&arena));
     let field = tree.field();
     let corners = lamp.map(DVec3::from_array);
     let (mut sum, n) = (0.0, 97);

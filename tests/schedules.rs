@@ -6,6 +6,7 @@ use std::sync::atomic::AtomicU64;
 use std::sync::atomic::Ordering::Relaxed;
 use std::thread::{self, ThreadId};
 
+use ccnuma::arena::Memory;
 use ccnuma::{Machine, Plan, Policy, Team};
 use glam::DVec3;
 use wavelet_radiosity::math::Basis;
@@ -38,7 +39,11 @@ impl Room {
     }
 
     fn solve(&self, team: Option<&mut Team>, batches: Batches) -> Outcome {
-        let schedule = Schedule { team, batches };
+        self.solve_in(Memory::Node, team, batches)
+    }
+
+    fn solve_in(&self, memory: Memory, team: Option<&mut Team>, batches: Batches) -> Outcome {
+        let schedule = Schedule { team, batches, memory };
         solve_by(schedule, &self.scene, &self.surfaces, &self.bvh, &self.options, &mut Silent).unwrap()
     }
 }
@@ -93,6 +98,34 @@ fn the_furnished_room_is_the_same_on_any_number_of_workers() {
     assert!(bits(&fitted) != bits(&single), "and so the comparison can tell solutions apart");
 }
 
+#[test]
+fn memory_policies_do_not_show_in_the_solution() {
+    let room = Room::new("furnished-room", Basis::M2, 0.2);
+    let expected = room.solve(None, Batches::Fitted);
+    assert_same(&room.solve_in(Memory::FirstTouch, None, Batches::Fitted), &expected, "alone, first touch");
+    for memory in [Memory::Node, Memory::Interleave, Memory::FirstTouch, Memory::Malloc] {
+        for workers in [1, 2, 3] {
+            let what = format!("{memory} with {workers} workers");
+            let found = room.solve_in(memory, Some(&mut team(workers)), Batches::Fitted);
+            assert_same(&found, &expected, &what);
+            let footprint = &found.footprint;
+            assert_eq!(footprint.memory, memory);
+            assert_eq!(footprint.element_bytes, expected.footprint.element_bytes, "{what}");
+            assert_eq!(footprint.arena_bytes_per_node.is_ok(), memory == Memory::Node, "{what}");
+            assert_eq!(footprint.pages_per_node.is_ok(), memory != Memory::Malloc, "{what}");
+            let copies =
+                footprint.bytes_by_kind["visibility"] / expected.footprint.bytes_by_kind["visibility"];
+            let expected = match memory {
+                Memory::Node if workers > 1 => 3,
+                Memory::Interleave if workers > 1 => 2,
+                _ => 1,
+            };
+            assert_eq!(copies, expected, "{what}");
+            assert!(memory == Memory::Node || footprint.moved == 0, "{what}");
+        }
+    }
+}
+
 /// Answers as the hierarchy does, and disturbs every so many questions.
 struct Disturbed<'a, F> {
     bvh: &'a Bvh,
@@ -117,6 +150,10 @@ impl<F: Fn(u64) + Sync> Occluder for Disturbed<'_, F> {
     fn first_hit(&self, origin: DVec3, direction: DVec3) -> Option<(u32, f64)> {
         self.bvh.first_hit(origin, direction)
     }
+
+    fn bytes(&self) -> usize {
+        self.bvh.bytes()
+    }
 }
 
 #[test]
@@ -131,7 +168,7 @@ fn delays_do_not_show_in_the_solution() {
     for seed in 0..4 {
         let late = Disturbed { bvh: &room.bvh, asked: AtomicU64::new(seed), disturb };
         let mut team = team(3);
-        let schedule = Schedule { team: Some(&mut team), batches: Batches::Fitted };
+        let schedule = Schedule { team: Some(&mut team), ..Schedule::default() };
         let found =
             solve_by(schedule, &room.scene, &room.surfaces, &late, &room.options, &mut Silent).unwrap();
         assert_same(&found, &expected, "with delays");
@@ -144,7 +181,7 @@ fn a_panic_names_its_worker_and_the_team_goes_on() {
     let mut team = team(3);
     let failing = |n| assert!(n != 100, "shaft {n} fails on purpose");
     let occluder = Disturbed { bvh: &room.bvh, asked: AtomicU64::new(0), disturb: failing };
-    let schedule = Schedule { team: Some(&mut team), batches: Batches::Fitted };
+    let schedule = Schedule { team: Some(&mut team), ..Schedule::default() };
     let panic = solve_by(schedule, &room.scene, &room.surfaces, &occluder, &room.options, &mut Silent)
         .err()
         .expect("the panic reaches the caller");
@@ -196,7 +233,7 @@ fn the_observer_is_told_on_its_own_thread_and_may_stop_the_workers() {
     for stop_in in [Stage::Direct, Stage::Interreflection] {
         let mut team = team(2);
         let mut notes = Notes::new(Some(stop_in));
-        let schedule = Schedule { team: Some(&mut team), batches: Batches::Fitted };
+        let schedule = Schedule { team: Some(&mut team), ..Schedule::default() };
         let outcome =
             solve_by(schedule, &room.scene, &room.surfaces, &room.bvh, &room.options, &mut notes).unwrap();
         assert!(outcome.solution.incomplete, "stopped in {stop_in:?}");

@@ -10,20 +10,21 @@ use std::sync::Arc;
 
 use ccnuma::arena::{CHUNK, Memory, NodeArenas};
 use ccnuma::cpuset::CpuSet;
-use ccnuma::pages::{HUGE, PageCount, Pages, Placement, count_of, room_bytes};
+use ccnuma::pages::{HUGE, PageCount, Pages, Placement, count_of, interleaving, room_bytes};
 use ccnuma::per_thread::{Counter, PerWorker};
 use ccnuma::replicate::ReplicatedSlice;
 use ccnuma::report::Topology;
 use ccnuma::{Arena, Error, Home, Machine, Plan, Policy, Team, per_thread};
 
 fn main() {
-    let tests: [(&str, fn()); 13] = [
+    let tests: [(&str, fn()); 14] = [
         ("the machine is as expected", the_machine_is_as_expected),
         ("pins hold under every policy", pins_hold_under_every_policy),
         ("an arena on every node is there", an_arena_on_every_node_is_there),
         ("what a thief makes lands on its item's home node", thieves_allocate_at_home),
         ("bound pages ignore who touches them", bound_pages_ignore_who_touches_them),
         ("interleaved pages go round", interleaved_pages_go_round),
+        ("large vectors can be interleaved too", large_vectors_can_be_interleaved),
         ("first touch decides", first_touch_decides),
         ("every node reads its own copy", every_node_reads_its_own_copy),
         ("per-thread slots are on their owner's node", per_thread_slots_are_local),
@@ -148,6 +149,19 @@ fn interleaved_pages_go_round() {
         let share = count.share_on(node).expect("touched");
         assert!((share - 1.0 / nodes.len() as f64).abs() < 0.01, "{count:?}");
     }
+}
+
+fn large_vectors_can_be_interleaved() {
+    let nodes: CpuSet = machine().nodes.iter().map(|node| node.os).collect();
+    // Huge pages go round whole, and the vector starts and ends within one.
+    let vector = interleaving(&nodes, || vec![1u8; 32 * HUGE]);
+    let count = count_of(&vector).expect("counted");
+    for node in nodes.iter() {
+        let share = count.share_on(node).expect("touched");
+        assert!((share - 1.0 / nodes.len() as f64).abs() < 0.06, "{count:?}");
+    }
+    let here = vec![1u8; 32 * HUGE];
+    assert_eq!(count_of(&here).expect("counted").by_node.len(), 1, "the policy is reset");
 }
 
 fn first_touch_decides() {

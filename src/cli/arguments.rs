@@ -105,9 +105,10 @@ pub struct SolveArguments {
     /// Which worker on which CPU: compact, scatter, none, or a list of CPUs such as 0,2,4-7 [default: compact].
     #[arg(long, value_name = "POLICY")]
     pub pin: Option<String>,
-    /// Where elements lie in memory: malloc.
-    #[arg(long, value_name = "POLICY", default_value = "malloc")]
-    pub memory: String,
+    /// Where elements lie in memory: node (each surface's on its home node), interleave (page by page round all nodes), first-touch (on the
+    /// node of the worker that makes them), or malloc (wherever the allocator puts them). Without it: node, and malloc for sequential.
+    #[arg(long, value_name = "POLICY")]
+    pub memory: Option<String>,
     /// Cache and memory counters: auto or off.
     #[arg(long, value_name = "SOURCE", default_value = "auto")]
     pub counters: String,

@@ -149,7 +149,8 @@ impl SolvePlan {
         };
         let (threads, pin) = (arguments.threads.as_deref(), arguments.pin.as_deref());
         Ok(SolvePlan {
-            workers: Workers::new(&arguments.schedule, threads, pin)?,
+            workers: Workers::new(&arguments.schedule, threads, pin)?
+                .with_memory(arguments.memory.as_deref())?,
             scene: arguments.scene,
             options,
             visibility,
@@ -170,7 +171,6 @@ fn paths<'a>(paths: impl Iterator<Item = &'a PathBuf>) -> Vec<&'a Path> {
 fn only_what_exists(arguments: &SolveArguments) -> Result<(), Error> {
     choose("--method", &arguments.method, &[("shoot", ())], &["gather"])?;
     choose("--links", &arguments.links, &[("recompute", ()), ("auto", ())], &["store"])?;
-    choose("--memory", &arguments.memory, &[("malloc", ())], &["node", "interleave", "first-touch"])?;
     choose("--counters", &arguments.counters, &[("auto", ()), ("off", ())], &["hardware", "simulated"])
 }
 

@@ -31,7 +31,7 @@ pub(super) fn of_run(
         options: options(plan, solved),
         work: work(solved),
         result: result(solved),
-        memory: memory(),
+        memory: memory(solved),
         workers: solved.workers.clone(),
         counters: Known::unavailable(plan.no_counters),
         time_s: Times {
@@ -69,7 +69,7 @@ fn options(plan: &SolvePlan, solved: &Solved) -> BTreeMap<String, Value> {
         ("schedule", json!(plan.workers.schedule)),
         ("threads", json!(plan.workers.count())),
         ("pin", json!(plan.workers.policy())),
-        ("memory", json!("malloc")),
+        ("memory", json!(plan.workers.memory.to_string())),
         ("counters", json!("off")),
         ("probes", json!(plan.probes.as_ref().map(|(input, _)| path(input)))),
         ("probes_out", json!(plan.probes.as_ref().map(|(_, out)| path(out)))),
@@ -119,12 +119,29 @@ fn result(solved: &Solved) -> Outcome {
     }
 }
 
-fn memory() -> Memory {
-    let on_heap = "elements are on the heap of the process";
+fn memory(solved: &Solved) -> Memory {
+    let footprint = &solved.outcome.footprint;
+    let bytes = footprint.element_bytes;
+    let elements = solved.outcome.elements;
+    let by_node = |nodes: &Result<BTreeMap<usize, u64>, String>| {
+        let named = |nodes: BTreeMap<usize, u64>| {
+            nodes.into_iter().map(|(node, count)| (node.to_string(), count)).collect()
+        };
+        Known::from(nodes.clone().map(named))
+    };
     Memory {
         peak_bytes: peak_memory_bytes(),
-        bytes_per_element: Known::unavailable(format!("{on_heap}, which does not tell them apart")),
-        arena_bytes_per_node: Known::unavailable(format!("{on_heap}, not in arenas")),
-        pages_per_node: Known::unavailable(format!("{on_heap}, not in arenas")),
+        bytes_per_element: match elements {
+            0 => Known::unavailable("there are no elements"),
+            _ => {
+                Known::Value((bytes.elements + bytes.coefficients + bytes.outlines) as f64 / elements as f64)
+            }
+        },
+        bytes_by_kind: footprint.bytes_by_kind.iter().map(|(kind, n)| ((*kind).to_owned(), *n)).collect(),
+        arena_bytes_per_node: by_node(&footprint.arena_bytes_per_node),
+        pages_per_node: by_node(&footprint.pages_per_node),
+        pages_at_home: footprint.pages_at_home.clone().into(),
+        surfaces_moved: footprint.moved,
+        notes: ccnuma::warnings::all(),
     }
 }

@@ -91,9 +91,13 @@ pub(super) fn solve(
         Some((scene, surfaces)) => (scene, surfaces),
         None => (&loaded.scene, &loaded.surfaces),
     };
-    let schedule = Schedule { team: team.as_mut(), batches: workers.batches };
+    let schedule = Schedule { team: team.as_mut(), batches: workers.batches, memory: workers.memory };
     let outcome = schedule::solve_by(schedule, scene, surfaces, occluder, options, &mut watch);
     watch.finish();
+    // Where there is one node only, nothing is lost.
+    if !quiet && team.as_ref().is_some_and(|team| team.plan().machine.nodes.len() > 1) {
+        ccnuma::warnings::all().iter().for_each(|warning| eprintln!("wrad: note: {warning}"));
+    }
     let mut outcome =
         outcome.map_err(|panic| Error::Failed(format!("a mistake in this program: {panic}")))?;
     if grey.is_some() {

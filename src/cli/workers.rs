@@ -1,5 +1,6 @@
 //! Who will work: the schedule by its name, and for those that run on a team, which worker goes where.
 
+use ccnuma::arena::Memory;
 use ccnuma::{Machine, Policy, Team};
 
 use crate::output::report::{Known, Worker};
@@ -29,6 +30,8 @@ pub struct Workers {
     pub schedule: &'static str,
     /// How many surfaces shoot at once.
     pub batches: Batches,
+    /// Where elements live.
+    pub memory: Memory,
     /// Where each worker goes; `None` where the thread of the run does all of it.
     pub plan: Option<ccnuma::Plan>,
 }
@@ -52,7 +55,28 @@ impl Workers {
             needless("--threads", threads, "1")?;
             needless("--pin", pin, "none")?;
         }
-        Ok(Self { schedule, batches, plan })
+        let memory = if on_team { Memory::Node } else { Memory::Malloc };
+        Ok(Self { schedule, batches, memory, plan })
+    }
+
+    /// The same with elements where `name` says, if it is given.
+    ///
+    /// # Errors
+    /// [`Error::Input`]: an unknown name, or nodes for a schedule that has none.
+    pub fn with_memory(self, name: Option<&str>) -> Result<Self, Error> {
+        let Some(name) = name else { return Ok(self) };
+        let all = [Memory::Node, Memory::Interleave, Memory::FirstTouch, Memory::Malloc];
+        let names = all.map(|memory| (memory.to_string(), memory));
+        let available: Vec<(&str, Memory)> = names.iter().map(|(name, memory)| (&**name, *memory)).collect();
+        let memory = choose("--memory", name, &available, &[])?;
+        if self.plan.is_none() && !matches!(memory, Memory::Malloc | Memory::FirstTouch) {
+            return Err(Error::Input(format!(
+                "--memory {name}: --schedule {} runs on one thread, which is on no node; \
+                 use malloc or first-touch, or name another schedule",
+                self.schedule
+            )));
+        }
+        Ok(Self { memory, ..self })
     }
 
     /// Starts and pins the team, if there is to be one.

@@ -199,12 +199,21 @@ pub struct Outcome {
 pub struct Memory {
     /// The most the process had resident.
     pub peak_bytes: Known<u64>,
-    /// Bytes of the trees per element.
+    /// Bytes of the trees, their inner elements included, per element.
     pub bytes_per_element: Known<f64>,
-    /// Bytes in arenas by the number of the NUMA node.
+    /// Bytes by kind: `elements` of all levels, their `coefficients` and `outlines`, `surfaces` (what trees hold besides), `packets` (of the
+    /// largest batch) and the `visibility` structure with the copies near the workers, and the `solution`.
+    pub bytes_by_kind: BTreeMap<String, u64>,
+    /// Bytes of the arenas' chunks by the number of the NUMA node they are for.
     pub arena_bytes_per_node: Known<BTreeMap<String, u64>>,
-    /// Where the arenas' pages really are, by the number of the NUMA node.
+    /// Where the arenas' small pages really are, by the number of the NUMA node.
     pub pages_per_node: Known<BTreeMap<String, u64>>,
+    /// Share of the pages that hold elements which is on the home node of these elements' surface.
+    pub pages_at_home: Known<f64>,
+    /// Trees that moved to another home between passes, because the recorded work was lopsided.
+    pub surfaces_moved: u64,
+    /// What the system did not do as asked, such as binding pages.
+    pub notes: Vec<String>,
 }
 
 /// One worker.
@@ -346,8 +355,16 @@ pub(super) mod tests {
             memory: Memory {
                 peak_bytes: Known::Value(132 << 20),
                 bytes_per_element: Known::Value(312.0),
+                bytes_by_kind: BTreeMap::from([
+                    ("coefficients".to_owned(), 13 << 20),
+                    ("elements".to_owned(), 2 << 20),
+                    ("packets".to_owned(), 5 << 20),
+                ]),
                 arena_bytes_per_node: Known::Value(BTreeMap::from([("0".to_owned(), 15 << 20)])),
                 pages_per_node: Known::unavailable("move_pages is not permitted here"),
+                pages_at_home: Known::Value(0.998),
+                surfaces_moved: 3,
+                notes: Vec::new(),
             },
             workers: vec![worker.clone(), worker],
             counters: Known::unavailable("this machine gives access to no hardware counters"),

@@ -1,6 +1,6 @@
 //! The report for people: a dozen aligned lines.
 
-use super::report::{Known, Report, Times, Work, Worker};
+use super::report::{Known, Memory, Report, Times, Work, Worker};
 use super::units::{bytes, count, percent, seconds};
 
 /// What a person wants to know after a run, ending in a line feed.
@@ -19,7 +19,7 @@ pub fn summary(report: &Report) -> String {
         ("elements", format!("{}{each}", count(result.elements))),
         ("work", work(&report.work)),
         ("skipped", skipped(&report.work, scene.bands.len())),
-        ("memory", known(&memory.peak_bytes, |b| format!("{} at most", bytes(*b)))),
+        ("memory", self::memory(memory)),
         ("workers", workers(&report.workers)),
         ("counters", counters(report)),
     ];
@@ -80,6 +80,17 @@ fn error(report: &Report) -> String {
     }
 }
 
+/// The most, the three kinds that take most of it, and where elements lie if they have a home.
+fn memory(memory: &Memory) -> String {
+    let mut kinds: Vec<_> = memory.bytes_by_kind.iter().collect();
+    kinds.sort_by_key(|(_, bytes)| std::cmp::Reverse(**bytes));
+    let most = known(&memory.peak_bytes, |b| format!("{} at most", bytes(*b)));
+    let kinds = kinds.iter().take(3).map(|(kind, b)| format!(", {} {kind}", bytes(**b)));
+    let at_home = memory.pages_at_home.as_result();
+    let at_home = at_home.map(|share| format!("; {} of element pages at home", percent(*share)));
+    most + &kinds.collect::<String>() + &at_home.unwrap_or_default()
+}
+
 /// How many, and what share of their time went where.
 fn workers(workers: &[Worker]) -> String {
     let sum = |of: fn(&Worker) -> f64| workers.iter().map(of).sum::<f64>();
@@ -133,7 +144,7 @@ energy    unavailable: the scene is open
 elements  48.2 k, 312 bytes each
 work      1.23 M interactions, 48.1 M kernel evaluations, 5.02 M visibility rays in 2 passes; 96 shots in 7 batches in the last
 skipped   332 pairs: 320 behind, 12 black; rays of 41.0 k pairs with nothing in between
-memory    132 MiB at most
+memory    132 MiB at most, 13.0 MiB coefficients, 5.00 MiB packets, 2.00 MiB elements; 99.8 % of element pages at home
 workers   2: 95.0 % busy, 4.00 % idle, 1.00 % stealing
 counters  unavailable: this machine gives access to no hardware counters
 "

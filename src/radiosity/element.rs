@@ -3,33 +3,87 @@
 //! Irradiance stays at the level where it was deposited; the solution at a point is the sum over the elements that hold it. Pushing down to
 //! leaves happens when a packet or the final field is made.
 
+use std::ops::AddAssign;
+
+use ccnuma::pages::PageSet;
+use ccnuma::{Arena, ArenaBox};
+use glam::DVec2;
+
 use crate::math::basis::MAX_FUNCTIONS;
 use crate::math::{Basis, Split};
 use crate::transport::{Detail, PacketNode, Receiver, Shape};
 
-/// An element with its subtree; an owned handle that may move between threads.
-#[derive(Clone, Debug)]
+/// An element with its subtree; an owned handle that may move between threads. What it owns lies in an arena: the children side by side,
+/// followed by their coefficients, so that a division is one piece of memory.
+#[derive(Debug)]
 pub struct Element<const N: usize> {
-    shape: Shape,
-    irradiance: Box<[[f64; N]]>,
-    unshot: Box<[[f64; N]]>,
-    children: Option<(Split, Box<[Element<N>]>)>,
+    /// The part of the polygon within the cell, where its boundary cuts the cell.
+    outline: Option<ArenaBox<[DVec2]>>,
+    /// Share of the cell that belongs to the polygon: 0 outside.
+    share: f64,
+    /// Irradiance, then what of it is unshot; none outside.
+    light: ArenaBox<[[f64; N]]>,
+    children: Option<(Split, ArenaBox<[Element<N>]>)>,
+}
+
+/// Bytes that elements take, by kind.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ElementBytes {
+    /// The elements without what they own.
+    pub elements: u64,
+    /// Irradiance and what of it is unshot.
+    pub coefficients: u64,
+    /// Parts of polygons in cells that they cut.
+    pub outlines: u64,
 }
 
 impl<const N: usize> Element<N> {
     /// An element without light; outside the polygon it holds no coefficients.
-    pub fn new(basis: Basis, shape: Shape) -> Self {
-        let count = if shape == Shape::Outside { 0 } else { basis.len() };
-        let zeros = || vec![[0.0; N]; count].into_boxed_slice();
-        Self { shape, irradiance: zeros(), unshot: zeros(), children: None }
+    pub fn new(basis: Basis, shape: &Shape, arena: &Arena) -> Self {
+        let count = if *shape == Shape::Outside { 0 } else { 2 * basis.len() };
+        let outline = match shape {
+            Shape::Part(outline, _) => Some(arena.alloc_slice_with(outline.len(), |i| outline[i])),
+            _ => None,
+        };
+        let light = arena.alloc_slice_with(count, |_| [0.0; N]);
+        Self { outline, share: shape.share(), light, children: None }
+    }
+
+    /// A copy in another arena.
+    pub fn copy_to(&self, arena: &Arena) -> Self {
+        let outline =
+            self.outline.as_ref().map(|outline| arena.alloc_slice_with(outline.len(), |i| outline[i]));
+        let light = arena.alloc_slice_with(self.light.len(), |i| self.light[i]);
+        let copy = |children: &ArenaBox<[Self]>| {
+            arena.alloc_slice_with(children.len(), |i| children[i].copy_to(arena))
+        };
+        let children = self.children.as_ref().map(|(split, children)| (*split, copy(children)));
+        Self { outline, share: self.share, light, children }
     }
 
     /// Leaves inside the polygon.
     pub fn leaves(&self) -> u64 {
         match &self.children {
             Some((_, children)) => children.iter().map(Self::leaves).sum(),
-            None => (self.shape != Shape::Outside) as u64,
+            None => !self.is_outside() as u64,
         }
+    }
+
+    /// Shows all that the subtree owns in arenas, and returns its size.
+    pub fn survey(&self, pages: &mut PageSet) -> ElementBytes {
+        let mut bytes = ElementBytes {
+            elements: size_of::<Self>() as u64,
+            coefficients: size_of_val(&*self.light) as u64,
+            outlines: self.outline.as_deref().map_or(0, size_of_val) as u64,
+        };
+        pages.add(&self.light);
+        pages.add(self.outline.as_deref().unwrap_or_default());
+        let children = self.children.as_ref().map_or(&[][..], |(_, children)| children);
+        pages.add(children);
+        for child in children {
+            bytes += child.survey(pages);
+        }
+        bytes
     }
 
     /// The division and the children.
@@ -37,25 +91,38 @@ impl<const N: usize> Element<N> {
         self.children.as_ref().map(|(split, children)| (*split, &**children))
     }
 
-    /// How the cell lies to the polygon.
-    pub fn shape(&self) -> &Shape {
-        &self.shape
+    fn is_outside(&self) -> bool {
+        self.share == 0.0
+    }
+
+    fn irradiance(&self) -> &[[f64; N]] {
+        &self.light[..self.light.len() / 2]
+    }
+
+    fn unshot(&self) -> &[[f64; N]] {
+        &self.light[self.light.len() / 2..]
+    }
+
+    /// Irradiance and what of it is unshot.
+    fn light_mut(&mut self) -> (&mut [[f64; N]], &mut [[f64; N]]) {
+        let middle = self.light.len() / 2;
+        self.light.split_at_mut(middle)
     }
 
     /// Adds this element's irradiance to what comes from above.
     pub fn add_irradiance(&self, sum: &mut [[f64; N]; MAX_FUNCTIONS]) {
-        add(sum, &self.irradiance);
+        add(sum, self.irradiance());
     }
 
     /// Mean of the unshot irradiance over the polygon's share of the cell; zero outside.
     pub fn mean_unshot(&self) -> [f64; N] {
-        let mut mean = self.unshot.first().copied().unwrap_or([0.0; N]);
+        let mut mean = self.unshot().first().copied().unwrap_or([0.0; N]);
         if let Some((_, children)) = &self.children {
-            let total: f64 = children.iter().map(|child| child.shape.share()).sum();
-            for child in children.iter().filter(|child| child.shape != Shape::Outside) {
+            let total: f64 = children.iter().map(|child| child.share).sum();
+            for child in children.iter().filter(|child| !child.is_outside()) {
                 let below = child.mean_unshot();
                 for n in 0..N {
-                    mean[n] += below[n] * child.shape.share() / total;
+                    mean[n] += below[n] * child.share / total;
                 }
             }
         }
@@ -64,7 +131,7 @@ impl<const N: usize> Element<N> {
 
     /// Adds constant irradiance that is not to be shot.
     pub fn add_ambient(&mut self, irradiance_w_m2: [f64; N]) {
-        if let Some(mean) = self.irradiance.first_mut() {
+        if let Some(mean) = self.light_mut().0.first_mut() {
             for n in 0..N {
                 mean[n] += irradiance_w_m2[n];
             }
@@ -73,28 +140,29 @@ impl<const N: usize> Element<N> {
 
     /// Marks all irradiance of the subtree as unshot.
     pub fn unshoot(&mut self) {
-        self.unshot.copy_from_slice(&self.irradiance);
-        for child in self.children.iter_mut().flat_map(|(_, children)| children) {
+        let (irradiance, unshot) = self.light_mut();
+        unshot.copy_from_slice(irradiance);
+        for child in self.children_mut() {
             child.unshoot();
         }
     }
 
     /// Darkens the subtree, with what it held as unshot debt: what arrives from now on is measured against it.
     pub fn restart(&mut self) {
-        for (unshot, irradiance) in self.unshot.iter_mut().zip(&mut self.irradiance) {
+        let (irradiance, unshot) = self.light_mut();
+        for (unshot, irradiance) in unshot.iter_mut().zip(irradiance) {
             *unshot = irradiance.map(|e| -e);
             *irradiance = [0.0; N];
         }
-        for child in self.children.iter_mut().flat_map(|(_, children)| children) {
+        for child in self.children_mut() {
             child.restart();
         }
     }
 
     /// Takes all light from the subtree.
     pub fn darken(&mut self) {
-        self.irradiance.fill([0.0; N]);
-        self.unshot.fill([0.0; N]);
-        for child in self.children.iter_mut().flat_map(|(_, children)| children) {
+        self.light.fill([0.0; N]);
+        for child in self.children_mut() {
             child.darken();
         }
     }
@@ -108,7 +176,7 @@ impl<const N: usize> Element<N> {
         pulled: &mut [[f64; N]; MAX_FUNCTIONS],
     ) -> f64 {
         let mut own = *inherited;
-        add(&mut own, &self.unshot);
+        add(&mut own, self.unshot());
         let Some((split, children)) = &self.children else {
             *pulled = own;
             return 0.0;
@@ -116,12 +184,12 @@ impl<const N: usize> Element<N> {
         let mut parts = [[[0.0; N]; MAX_FUNCTIONS]; 4];
         let mut sum = 0.0;
         *pulled = [[0.0; N]; MAX_FUNCTIONS];
-        for (index, child) in children.iter().enumerate().filter(|(_, c)| c.shape != Shape::Outside) {
+        for (index, child) in children.iter().enumerate().filter(|(_, c)| !c.is_outside()) {
             let mut pushed = [[0.0; N]; MAX_FUNCTIONS];
             basis.push(*split, index, &own, &mut pushed);
             sum += child.pull_unshot(basis, &pushed, &mut parts[index]);
         }
-        let outside = |index: usize| children[index].shape == Shape::Outside;
+        let outside = |index: usize| children[index].is_outside();
         let beyond = beyond(children.len(), outside, |index| parts[index][0]);
         for index in 0..children.len() {
             if outside(index) {
@@ -129,7 +197,7 @@ impl<const N: usize> Element<N> {
             }
             basis.pull_add(*split, index, &parts[index], pulled);
         }
-        for (index, _) in children.iter().enumerate().filter(|(_, c)| c.shape != Shape::Outside) {
+        for (index, _) in children.iter().enumerate().filter(|(_, c)| !c.is_outside()) {
             let mut coarse = [[0.0; N]; MAX_FUNCTIONS];
             basis.push(*split, index, pulled, &mut coarse);
             sum += square_distance(&coarse, &parts[index]);
@@ -149,7 +217,7 @@ impl<const N: usize> Element<N> {
         slot: usize,
     ) {
         let mut own = *inherited;
-        for (sum, unshot) in own.iter_mut().zip(&mut self.unshot) {
+        for (sum, unshot) in own.iter_mut().zip(self.light_mut().1) {
             for n in 0..N {
                 sum[n] += reflectance[n] * unshot[n];
             }
@@ -166,11 +234,11 @@ impl<const N: usize> Element<N> {
         for (index, child) in children.iter_mut().enumerate() {
             let mut pushed = [[0.0; N]; MAX_FUNCTIONS];
             basis.push(*split, index, &own, &mut pushed);
-            if child.shape != Shape::Outside {
+            if !child.is_outside() {
                 child.take_unshot(basis, &pushed, reflectance, prune_w_m2, nodes, first + index);
             }
         }
-        pull(basis, *split, nodes, slot, first, |index| children[index].shape == Shape::Outside);
+        pull(basis, *split, nodes, slot, first, |index| children[index].is_outside());
         if nodes[slot].detail.rms_w_m2 <= prune_w_m2 {
             nodes.truncate(first);
             nodes[slot].children = None;
@@ -230,30 +298,44 @@ pub(super) fn pull<const N: usize>(
 }
 
 impl<const N: usize> Receiver<N> for Element<N> {
-    fn shape(&self) -> &Shape {
-        &self.shape
+    fn shape(&self) -> Shape<&[DVec2]> {
+        match &self.outline {
+            Some(outline) => Shape::Part(outline, self.share),
+            None if self.is_outside() => Shape::Outside,
+            None => Shape::Whole,
+        }
     }
 
     fn split(&self) -> Option<Split> {
         self.children.as_ref().map(|(split, _)| *split)
     }
 
-    fn subdivide(&mut self, split: Split, shapes: Vec<Shape>) {
-        let basis = match self.irradiance.len() {
+    fn subdivide(&mut self, split: Split, shapes: &[Shape], arena: &Arena) {
+        let basis = match self.irradiance().len() {
             9 => Basis::M3,
             4 => Basis::M2,
             _ => Basis::Haar,
         };
-        self.children = Some((split, shapes.into_iter().map(|shape| Element::new(basis, shape)).collect()));
+        let child = |i: usize| Element::new(basis, &shapes[i], arena);
+        self.children = Some((split, arena.alloc_slice_with(shapes.len(), child)));
     }
 
     fn children_mut(&mut self) -> &mut [Self] {
         self.children.as_mut().map_or(&mut [], |(_, children)| children)
     }
 
-    fn deposit(&mut self, irradiance: &[[f64; N]; MAX_FUNCTIONS]) {
-        add(&mut self.irradiance, irradiance);
-        add(&mut self.unshot, irradiance);
+    fn deposit(&mut self, light: &[[f64; N]; MAX_FUNCTIONS]) {
+        let (irradiance, unshot) = self.light_mut();
+        add(irradiance, light);
+        add(unshot, light);
+    }
+}
+
+impl AddAssign for ElementBytes {
+    fn add_assign(&mut self, o: Self) {
+        self.elements += o.elements;
+        self.coefficients += o.coefficients;
+        self.outlines += o.outlines;
     }
 }
 

@@ -7,6 +7,6 @@ pub mod solution;
 pub mod state;
 
 pub use ambient::add_ambient;
-pub use element::Element;
+pub use element::{Element, ElementBytes};
 pub use solution::{Field, Leaf, Node, Solution};
 pub use state::{Tree, extent_m, trees};

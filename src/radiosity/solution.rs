@@ -57,6 +57,16 @@ pub struct Leaf<'a> {
 }
 
 impl Field {
+    /// Number of leaves.
+    pub fn leaves(&self) -> u64 {
+        (self.coefficients.len() / (self.basis.len() * self.bands)) as u64
+    }
+
+    /// Bytes that it takes.
+    pub fn bytes(&self) -> usize {
+        size_of::<Self>() + self.nodes.capacity() * size_of::<Node>() + 8 * self.coefficients.capacity()
+    }
+
     /// Calls `visit` for every leaf, in depth-first order.
     pub fn for_each_leaf<'a>(&'a self, visit: &mut dyn FnMut(Leaf<'a>)) {
         let mut stack = vec![(0usize, Cell::UNIT)];

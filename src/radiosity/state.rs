@@ -1,15 +1,17 @@
 //! The state of a run: one tree per surface, what each has still to shoot, and norms of the solution so far.
 
+use ccnuma::Arena;
+
 use crate::math::Basis;
 use crate::math::basis::MAX_FUNCTIONS;
 use crate::scene::{Scene, Surface};
-use crate::transport::{Deposited, Detail, Packet, PacketNode, Patch, Shape, Work};
+use crate::transport::{Deposited, Detail, Packet, PacketNode, Patch, Receiver, Shape, Work};
 
 use super::element::Element;
 use super::solution::{Field, Node};
 
 /// A surface with its tree of elements.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Tree<const N: usize> {
     /// What pair tasks need to know of the surface.
     pub patch: Patch<N>,
@@ -35,12 +37,12 @@ pub struct Tree<const N: usize> {
 }
 
 impl<const N: usize> Tree<N> {
-    /// The tree of a surface, dark.
-    pub fn new(index: u32, surface: &Surface, basis: Basis) -> Self {
+    /// The tree of a surface, dark; its elements live in `arena`.
+    pub fn new(index: u32, surface: &Surface, basis: Basis, arena: &Arena) -> Self {
         let shape = Shape::of_surface(surface);
         Self {
             patch: Patch::new(index, surface),
-            root: Element::new(basis, shape),
+            root: Element::new(basis, &shape, arena),
             basis,
             area_m2: surface.area_m2,
             exitance_w_m2: std::array::from_fn(|n| surface.exitance_w_m2[n]),
@@ -68,6 +70,8 @@ impl<const N: usize> Tree<N> {
         let mut nodes = vec![blank];
         let none = [[0.0; N]; MAX_FUNCTIONS];
         self.root.take_unshot(self.basis, &none, &self.patch.reflectance, prune_w_m2, &mut nodes, 0);
+        // Packets of all surfaces may be under way at once.
+        nodes.shrink_to_fit();
         self.unshot_w = 0.0;
         self.packet(self.basis, nodes)
     }
@@ -112,6 +116,17 @@ impl<const N: usize> Tree<N> {
         self.unshot_w = self.area_m2 * (self.patch.reflected_w_m2(&pulled) + brightest * detail.sqrt());
     }
 
+    /// Moves the elements to another arena.
+    pub fn move_to(&mut self, arena: &Arena) {
+        self.root = self.root.copy_to(arena);
+    }
+
+    /// Bytes besides the elements.
+    pub fn bytes(&self) -> usize {
+        let outline = self.outline.as_deref().map_or(0, size_of_val);
+        size_of::<Self>() - size_of::<Element<N>>() + size_of_val(&*self.patch.corners) + outline
+    }
+
     /// Power left to reflect per band in W, without the bound's allowance for what varies.
     pub fn unshot_by_band_w(&self) -> [f64; N] {
         let mean = self.root.mean_unshot();
@@ -151,9 +166,10 @@ impl<const N: usize> Tree<N> {
 
     /// The irradiance pushed down to the leaves.
     pub fn field(&self) -> Field {
-        let mut field =
-            Field { basis: self.basis, bands: N, nodes: vec![Node::Outside], coefficients: Vec::new() };
+        let coefficients = Vec::with_capacity(self.root.leaves() as usize * self.basis.len() * N);
+        let mut field = Field { basis: self.basis, bands: N, nodes: vec![Node::Outside], coefficients };
         self.flatten(&self.root, &[[0.0; N]; MAX_FUNCTIONS], &mut field, 0);
+        field.nodes.shrink_to_fit();
         field
     }
 
@@ -164,7 +180,7 @@ impl<const N: usize> Tree<N> {
         field: &mut Field,
         slot: usize,
     ) {
-        if *element.shape() == Shape::Outside {
+        if element.shape() == Shape::Outside {
             return;
         }
         let mut sum = *above;
@@ -188,9 +204,9 @@ impl<const N: usize> Tree<N> {
     }
 }
 
-/// All trees of a scene, dark.
-pub fn trees<const N: usize>(surfaces: &[Surface], basis: Basis) -> Vec<Tree<N>> {
-    surfaces.iter().enumerate().map(|(i, s)| Tree::new(i as u32, s, basis)).collect()
+/// All trees of a scene, dark, in one arena.
+pub fn trees<const N: usize>(surfaces: &[Surface], basis: Basis, arena: &Arena) -> Vec<Tree<N>> {
+    surfaces.iter().enumerate().map(|(i, s)| Tree::new(i as u32, s, basis, arena)).collect()
 }
 
 /// Diameter of the scene, lights included, in metres.

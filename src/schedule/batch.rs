@@ -3,7 +3,7 @@
 //! Everything a batch changes belongs to one receiver, so the order of receivers, and who takes which, does not show in the result.
 
 use crate::radiosity::Tree;
-use crate::transport::{Helpers, Lamp, Packets, Rules, Scratch, shoot};
+use crate::transport::{Clusters, Helpers, Lamp, Packet, Packets, Rules, Scratch, shoot};
 use crate::visibility::Occluder;
 
 use super::watch::Watch;
@@ -70,13 +70,15 @@ pub struct Batch<'a, const N: usize> {
     /// Lights without area; they come first.
     pub lamps: &'a [Lamp<N>],
     /// What surfaces send.
-    pub packets: &'a Packets<N>,
+    pub packets: &'a [Packet<N>],
+    /// How the packets cluster, where they do.
+    pub clusters: Option<&'a Clusters>,
 }
 
 impl<const N: usize> Batch<'_, N> {
     /// Number of sources.
     pub fn len(&self) -> usize {
-        self.lamps.len() + self.packets.as_slice().len()
+        self.lamps.len() + self.packets.len()
     }
 
     /// Whether there is nothing to shoot.
@@ -90,7 +92,7 @@ impl<const N: usize> Batch<'_, N> {
         tree: &mut Tree<N>,
         (occluder, rules): (&dyn Occluder, &Rules),
         scratch: &mut Scratch,
-        helpers: Option<&dyn Helpers>,
+        helpers: &dyn Helpers,
         watch: &Watch,
     ) {
         let go_on = || !watch.stopped();
@@ -99,7 +101,8 @@ impl<const N: usize> Batch<'_, N> {
             tree.book(&deposited);
         }
         let Tree { patch, root, .. } = tree;
-        let deposited = self.packets.shoot(patch, root, occluder, rules, scratch, helpers, &go_on);
+        let packets = Packets { packets: self.packets, clusters: self.clusters };
+        let deposited = packets.shoot(patch, root, occluder, rules, scratch, helpers, &go_on);
         tree.book(&deposited);
         tree.work += std::mem::take(&mut scratch.work);
         watch.receiver_done();
@@ -108,15 +111,19 @@ impl<const N: usize> Batch<'_, N> {
 
 #[cfg(test)]
 mod tests {
+    use ccnuma::Arena;
+    use ccnuma::arena::Backend;
+
     use super::*;
     use crate::math::Basis;
-    use crate::radiosity::trees;
-    use crate::scene::{read::read_file, surfaces};
+    use crate::radiosity::trees as trees_of;
+    use crate::scene::{Surface, read::read_file, surfaces};
 
     #[test]
     fn shooters_follow_from_the_energy_alone() {
         let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/furnished-room.iv");
-        let mut trees = trees::<3>(&surfaces(&read_file(&path).unwrap()), Basis::Haar);
+        let mut trees =
+            trees_of::<3>(&surfaces(&read_file(&path).unwrap()), Basis::Haar, &Arena::new(Backend::Malloc));
         let count = trees.len();
         assert_eq!(Batches::Fitted.choose(&trees, 0.0), [0; 0], "nothing is lit");
         trees[3].unshot_w = 1e-9;
@@ -133,7 +140,10 @@ mod tests {
         assert_eq!(Batches::Single.choose(&trees, 0.0), [6]);
         trees[10].unshot_w = 10.0;
         assert_eq!(Batches::Fitted.choose(&trees, 0.0), [10], "the others are too dim beside it");
-        let many: Vec<Tree<3>> = trees.iter().cycle().take(10 * MANY).cloned().collect();
+        let (all, arena) = (surfaces(&read_file(&path).unwrap()), Arena::new(Backend::Malloc));
+        let all: Vec<Surface> = all.iter().cycle().take(10 * MANY).cloned().collect();
+        let mut many = trees_of::<3>(&all, Basis::Haar, &arena);
+        many.iter_mut().enumerate().for_each(|(i, tree)| tree.unshot_w = 1.0 + (i % 7) as f64);
         let total: f64 = many.iter().map(|tree| tree.unshot_w).sum();
         let shot: f64 = Batches::Fitted.choose(&many, 0.0).iter().map(|i| many[*i].unshot_w).sum();
         assert!((shot / total - 0.8).abs() < 0.01, "a fifth is kept");

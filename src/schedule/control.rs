@@ -5,17 +5,20 @@
 //! and how link errors add up; the threshold of the next pass follows from their growth with it. Each pass starts from the solution of the
 //! one before: fine links carry every surface's light once, not shot by shot.
 
+use ccnuma::arena::Memory;
 use ccnuma::{Team, WorkerPanic};
 
 use crate::math::Basis;
-use crate::radiosity::{Solution, Tree, extent_m, trees};
+use crate::radiosity::{Field, Solution, Tree, extent_m};
 use crate::scene::{Light, Scene, Surface};
 use crate::transport::lamp::Lamp;
 use crate::transport::{Oracle, Rules, SampleRule, Work};
 use crate::visibility::Occluder;
 
 use super::batch::Batches;
+use super::copies::Copies;
 use super::crew::Crew;
+use super::footprint::Footprint;
 use super::pass::{Pass, PassStatistics};
 use super::watch::{Observer, Watch, observed};
 
@@ -57,6 +60,8 @@ pub struct Schedule<'t> {
     pub team: Option<&'t mut Team>,
     /// How many surfaces shoot at once.
     pub batches: Batches,
+    /// Where the elements of each surface live; [`Memory::Node`] is its home. Without a team only [`Memory::FirstTouch`] is heeded.
+    pub memory: Memory,
 }
 
 /// A solved scene and how it came about.
@@ -77,6 +82,8 @@ pub struct Outcome {
     pub longest_chains: f64,
     /// Leaf elements.
     pub elements: u64,
+    /// Memory.
+    pub footprint: Footprint,
 }
 
 /// Solves `scene` sequentially; `surfaces` are its surfaces and `occluder` holds its faces. At most three bands.
@@ -127,12 +134,14 @@ struct Run<'a, const N: usize> {
 struct Means<'t, 'w> {
     batches: Batches,
     crew: Crew<'t>,
+    /// Copies of the visibility structure near the workers.
+    occluders: Copies<Box<dyn Occluder + Send>>,
     watch: &'w Watch,
 }
 
-/// A pass' trees with its error, both in W/m.
-struct Attempt<const N: usize> {
-    trees: Vec<Tree<N>>,
+/// What a pass has come to; norm and errors in W/m.
+#[derive(Clone, Copy)]
+struct Attempt {
     statistics: PassStatistics,
     norm: f64,
     link_error: f64,
@@ -166,15 +175,19 @@ impl<'a, const N: usize> Run<'a, N> {
     }
 
     fn solve(&self, schedule: Schedule<'_>, watch: &Watch) -> Result<Outcome, WorkerPanic> {
-        let mut means = Means { batches: schedule.batches, crew: Crew::new(schedule.team)?, watch };
+        let mut crew = Crew::new(schedule.team, schedule.memory, self.surfaces)?;
+        let occluders = crew.copy(self.occluder.bytes(), || self.occluder.replica())?;
+        let mut means = Means { batches: schedule.batches, crew, occluders, watch };
         let target = self.options.error;
         let mut work = Work::default();
         let pilot_error = (4.0 * target).clamp(0.02, 0.3);
         let guess = self.guess_norm();
         let mut threshold = pilot_error * guess / (32.0 * (self.surfaces.len().max(1) as f64).powf(0.25));
         watch.pass(0);
-        let dark = trees::<N>(self.surfaces, self.options.basis);
-        let mut attempt = self.attempt(dark, threshold, pilot_error * guess, &mut means)?;
+        let mut trees = means.crew.grow::<N>(self.surfaces, self.options.basis)?;
+        let mut attempt = self.attempt(&mut trees, threshold, pilot_error * guess, &mut means)?;
+        let mut packet_bytes = attempt.statistics.packet_bytes;
+        let mut finished = None;
         work += attempt.work();
         let mut passes = 1;
         while passes <= MAX_PASSES && !attempt.statistics.interrupted {
@@ -195,18 +208,25 @@ impl<'a, const N: usize> Run<'a, N> {
                 threshold *= (allowed / links).min(1.0).powf(1.0 / growth).max(1e-4);
             }
             watch.pass(passes);
-            let trees = means.crew.map(&mut attempt.trees, |_| true, |tree| tree.clone())?;
-            let finished = Attempt { trees, ..attempt };
-            attempt = self.attempt(attempt.trees, threshold, target * attempt.norm, &mut means)?;
+            let fields = means.crew.map(&mut trees, |_| true, |tree| tree.field())?;
+            let last = attempt;
+            attempt = self.attempt(&mut trees, threshold, target * attempt.norm, &mut means)?;
             work += attempt.work();
+            packet_bytes = packet_bytes.max(attempt.statistics.packet_bytes);
             if attempt.statistics.interrupted {
                 // What an unfinished pass holds is worth less than the pass before it.
-                attempt = finished;
+                attempt = last;
                 attempt.statistics.interrupted = true;
+                finished = Some(fields);
             }
             passes += 1;
         }
-        self.outcome(attempt, work, passes, &mut means.crew)
+        attempt.statistics.packet_bytes = packet_bytes;
+        let fields = match finished {
+            Some(fields) => fields,
+            None => means.crew.map(&mut trees, |_| true, |tree| tree.field())?,
+        };
+        self.outcome(attempt, fields, trees, work, passes, means)
     }
 
     /// An order of magnitude of the norm of reflected radiosity, in W/m: an integrating sphere with the scene's area and power.
@@ -237,11 +257,11 @@ impl<'a, const N: usize> Run<'a, N> {
 
     fn attempt(
         &self,
-        mut trees: Vec<Tree<N>>,
+        trees: &mut [Tree<N>],
         threshold_w_m: f64,
         allowed_w_m: f64,
         means: &mut Means<'_, '_>,
-    ) -> Result<Attempt<N>, WorkerPanic> {
+    ) -> Result<Attempt, WorkerPanic> {
         let root_area = self.area_m2.sqrt();
         let rules = Rules {
             oracle: self.options.oracle,
@@ -254,19 +274,19 @@ impl<'a, const N: usize> Run<'a, N> {
         let pass = Pass {
             lamps: &self.lamps,
             occluder: self.occluder,
+            occluders: &means.occluders,
             rules: &rules,
             direct_only: self.options.direct_only,
             stop_w: UNSHOT_SHARE * allowed_w_m * root_area / (SPREAD * self.gain.max(1e-9)),
             prune_w_m2: 0.02 * allowed_w_m / root_area,
             batches: means.batches,
         };
-        let statistics = pass.run(&mut trees, &mut means.crew, means.watch)?;
-        let squares = means.crew.map(&mut trees, |_| true, |tree| tree.reflected_norm_squared())?;
+        let statistics = pass.run(trees, &mut means.crew, means.watch)?;
+        let squares = means.crew.map(trees, |_| true, |tree| tree.reflected_norm_squared())?;
         let unseen = (0.01 / self.options.error).max(1.0).powf(UNSEEN_GROWTH);
         let calibration = LINK_CALIBRATION.0 * (LINK_CALIBRATION.1 * self.gain).hypot(1.0) * unseen;
         let unshot = if self.options.direct_only { 0.0 } else { statistics.unshot_w };
         Ok(Attempt {
-            trees,
             statistics,
             norm: squares.iter().sum::<f64>().sqrt(),
             link_error: calibration * statistics.error_squared.sqrt(),
@@ -276,10 +296,12 @@ impl<'a, const N: usize> Run<'a, N> {
 
     fn outcome(
         &self,
-        mut attempt: Attempt<N>,
+        attempt: Attempt,
+        fields: Vec<Field>,
+        mut trees: Vec<Tree<N>>,
         work: Work,
         passes: usize,
-        crew: &mut Crew<'_>,
+        mut means: Means<'_, '_>,
     ) -> Result<Outcome, WorkerPanic> {
         let statistics = attempt.statistics;
         let error = attempt.link_error.hypot(attempt.unshot_error);
@@ -287,12 +309,19 @@ impl<'a, const N: usize> Run<'a, N> {
         let solution = Solution {
             scene: self.scene.clone(),
             surfaces: self.surfaces.to_vec(),
-            fields: crew.map(&mut attempt.trees, |_| true, |tree| tree.field())?,
+            fields,
             error_target: self.options.error,
             error_estimate: if attempt.norm > 0.0 { error / attempt.norm } else { 0.0 },
             incomplete: statistics.interrupted,
         };
-        let elements = attempt.trees.iter().map(|tree| tree.root.leaves()).sum();
+        let elements = solution.fields.iter().map(Field::leaves).sum();
+        let visibility = self.occluder.bytes() * (1 + means.occluders.len());
+        let others = [
+            ("packets", statistics.packet_bytes),
+            ("visibility", visibility as u64),
+            ("solution", solution.fields.iter().map(Field::bytes).sum::<usize>() as u64),
+        ];
+        let footprint = means.crew.footprint(&mut trees, others)?;
         let cost = attempt.work().cost().max(1) as f64;
         let share = |longest: u64| longest as f64 / cost;
         Ok(Outcome {
@@ -300,6 +329,7 @@ impl<'a, const N: usize> Run<'a, N> {
             longest_chains: share(statistics.longest.chain),
             unshot_fraction: if first > 0.0 { statistics.unshot_w / first } else { 0.0 },
             elements,
+            footprint,
             statistics,
             work,
             passes,
@@ -308,7 +338,7 @@ impl<'a, const N: usize> Run<'a, N> {
     }
 }
 
-impl<const N: usize> Attempt<N> {
+impl Attempt {
     fn work(&self) -> Work {
         let mut work = self.statistics.direct;
         work += self.statistics.interreflection;

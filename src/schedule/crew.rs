@@ -2,17 +2,25 @@
 //!
 //! With a team a task is one receiver and the whole batch. It starts on its receiver's home node, the costliest first by what the last batch
 //! cost, and idle workers steal tasks, then subtrees of a receiver at work ([`Helpers`]), nearest first. A task owns its receiver, so there is
-//! no lock; and all that a task leaves behind belongs to its receiver, so the result is the same whoever ran it, bit by bit.
+//! no lock; and all that a task leaves behind belongs to its receiver, so the result is the same whoever ran it, bit by bit. What a task makes
+//! lies in the worker's own arena for the receiver's home, so there is no lock there either.
 
 use std::cell::RefCell;
 
+use ccnuma::arena::{Backend, Memory, NodeArenas};
 use ccnuma::per_thread::PerWorker;
-use ccnuma::{Home, Team, Worker, WorkerPanic};
+use ccnuma::{Arena, Home, Team, Worker, WorkerPanic};
 
+use crate::math::Basis;
 use crate::radiosity::Tree;
-use crate::transport::{Half, Helpers, Scratch};
+use crate::scene::Surface;
+use crate::transport::{Alone, Half, Helpers, Scratch};
 
-use super::homes::homes;
+use super::homes::{along_the_curve, homes, imbalance};
+
+/// Homes are given anew where the busiest node's workers would have that much less work after it. What is gained is small below, and
+/// trees that move are copied.
+const LOPSIDED: f64 = 1.1;
 
 /// What no number of workers can be faster than, as costs ([`crate::transport::Work::cost`]); summed over batches.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -25,55 +33,67 @@ pub struct Longest {
 
 /// Who works, and where receivers are at home.
 pub(super) struct Crew<'t> {
-    hands: Hands<'t>,
-    /// Home node by tree.
-    homes: Vec<usize>,
+    pub hands: Hands<'t>,
+    /// How the trees' memory is placed.
+    pub memory: Memory,
+    /// Home node by tree, by position in the machine's table.
+    pub homes: Vec<usize>,
+    /// Trees that have moved to another home so far.
+    pub moved: u64,
+    /// Trees in the order of a curve through space.
+    order: Vec<usize>,
     /// What each tree cost in the last batch.
     costs: Vec<u64>,
-    /// What each tree cost since homes were given.
+    /// What each tree cost since homes were looked at.
     work: Vec<u64>,
 }
 
-enum Hands<'t> {
-    Alone(Box<Scratch>),
-    Team(&'t mut Team, Scratches),
+pub(super) enum Hands<'t> {
+    Alone(Box<(Scratch, Arena)>),
+    Team(&'t mut Team, PerWorker<Kit>),
 }
 
-/// Working memory by worker: as many as the tasks it has on its stack, since one that waits helps others.
-type Scratches = PerWorker<RefCell<Vec<Scratch>>>;
+/// What a worker has of its own.
+pub(super) struct Kit {
+    /// Working memory: as much as the tasks it has on its stack, since one that waits helps others.
+    scratches: RefCell<Vec<Scratch>>,
+    /// Where the elements live that it makes.
+    pub arenas: NodeArenas,
+}
 
-/// The worker that runs a task, as one whom others help.
+/// The worker that runs a task, as one whom others help, and the home of the task's receiver.
 struct Here<'a> {
     worker: &'a Worker,
-    scratches: &'a Scratches,
+    kits: &'a PerWorker<Kit>,
+    home: usize,
 }
 
-impl<'a> Here<'a> {
+impl Here<'_> {
     /// Runs `task` with working memory of its own.
-    fn with_scratch<R>(
-        worker: &'a Worker,
-        scratches: &'a Scratches,
-        task: impl FnOnce(&Self, &mut Scratch) -> R,
-    ) -> R {
-        let free = scratches.local(worker);
+    fn with_scratch<R>(&self, task: impl FnOnce(&Self, &mut Scratch) -> R) -> R {
+        let free = &self.kits.local(self.worker).scratches;
         let mut scratch = free.borrow_mut().pop().unwrap_or_default();
-        let result = task(&Here { worker, scratches }, &mut scratch);
+        let result = task(self, &mut scratch);
         free.borrow_mut().push(scratch);
         result
     }
 }
 
 impl Helpers for Here<'_> {
+    fn arena(&self) -> &Arena {
+        self.kits.local(self.worker).arenas.on_node(self.home)
+    }
+
     fn wanted(&self) -> bool {
         self.worker.has_no_offers()
     }
 
     fn both(&self, scratch: &mut Scratch, first: Half<'_>, second: Half<'_>) {
-        let (scratches, mine) = (self.scratches, &mut *scratch);
+        let (kits, home, mine) = (self.kits, self.home, &mut *scratch);
         let ((), work) = self.worker.join(
-            |worker| first(&Here { worker, scratches }, mine),
+            |worker| first(&Here { worker, kits, home }, mine),
             |worker| {
-                Here::with_scratch(worker, scratches, |here, scratch| {
+                Here { worker, kits, home }.with_scratch(|here, scratch| {
                     second(here, scratch);
                     std::mem::take(&mut scratch.work)
                 })
@@ -84,54 +104,103 @@ impl Helpers for Here<'_> {
 }
 
 impl<'t> Crew<'t> {
-    /// The team, or nobody else.
-    pub fn new(team: Option<&'t mut Team>) -> Result<Self, WorkerPanic> {
-        let hands = match team {
-            None => Hands::Alone(Box::default()),
+    /// The team, or nobody else, to light these surfaces. Expected work gives them their homes, by area to begin with. Whoever works alone
+    /// has no home: its memory is placed by first touch if that is asked for, else by the program's allocator.
+    pub fn new(
+        team: Option<&'t mut Team>,
+        memory: Memory,
+        surfaces: &[Surface],
+    ) -> Result<Self, WorkerPanic> {
+        let area_m2: f64 = surfaces.iter().map(|surface| surface.area_m2).sum();
+        let by_area = |surface: &Surface| (1e6 * surface.area_m2 / area_m2.max(f64::MIN_POSITIVE)) as u64;
+        let work: Vec<u64> = surfaces.iter().map(by_area).collect();
+        let order = along_the_curve(surfaces);
+        let (hands, memory, homes) = match team {
+            None => {
+                let (memory, backend) = match memory {
+                    Memory::FirstTouch => (memory, Backend::Pages(ccnuma::pages::Placement::FirstTouch)),
+                    _ => (Memory::Malloc, Backend::Malloc),
+                };
+                let own = Box::new((Scratch::default(), Arena::new(backend)));
+                (Hands::Alone(own), memory, vec![0; surfaces.len()])
+            }
             Some(team) => {
-                let scratches = PerWorker::new(team, |_| RefCell::default())?;
-                Hands::Team(team, scratches)
+                let kits = PerWorker::new(team, |worker| Kit {
+                    scratches: RefCell::default(),
+                    arenas: NodeArenas::of_worker(worker, memory),
+                })?;
+                let homes = homes(&order, &work, &staff(team));
+                (Hands::Team(team, kits), memory, homes)
             }
         };
-        Ok(Self { hands, homes: Vec::new(), costs: Vec::new(), work: Vec::new() })
+        Ok(Self { hands, memory, homes, moved: 0, order, costs: work.clone(), work })
     }
 
-    /// Gives every tree a home, by the work since the last time, at first by area.
-    pub fn settle<const N: usize>(&mut self, trees: &[Tree<N>]) {
-        if self.costs.len() != trees.len() {
-            let total: f64 = trees.iter().map(|tree| tree.area_m2).sum();
-            let by_area = |tree: &Tree<N>| (1e6 * tree.area_m2 / total.max(f64::MIN_POSITIVE)) as u64;
-            self.work = trees.iter().map(by_area).collect();
-            self.costs = self.work.clone();
+    /// Makes every surface's tree, dark, at its home.
+    pub fn grow<const N: usize>(
+        &mut self,
+        surfaces: &[Surface],
+        basis: Basis,
+    ) -> Result<Vec<Tree<N>>, WorkerPanic> {
+        let index: Vec<usize> = (0..surfaces.len()).collect();
+        self.at_home(index, |i| *i, |i, arena| Tree::new(*i as u32, &surfaces[*i], basis, arena))
+    }
+
+    /// Gives every tree a home by the work since the last time, where that leaves nodes much less unequal, and moves trees to theirs.
+    pub fn settle<const N: usize>(&mut self, trees: &mut [Tree<N>]) -> Result<(), WorkerPanic> {
+        let work = std::mem::replace(&mut self.work, vec![0; trees.len()]);
+        let Hands::Team(team, _) = &self.hands else { return Ok(()) };
+        let staff = staff(team);
+        let new = homes(&self.order, &work, &staff);
+        if imbalance(&self.homes, &work, &staff) <= LOPSIDED * imbalance(&new, &work, &staff) {
+            return Ok(());
         }
-        self.homes = match &self.hands {
-            Hands::Alone(_) => vec![0; trees.len()],
-            Hands::Team(team, _) => {
-                let workers: Vec<usize> = team.plan().workers_by_node().iter().map(Vec::len).collect();
-                homes(trees, &self.work, &workers)
-            }
-        };
-        self.work.fill(0);
+        let old = std::mem::replace(&mut self.homes, new);
+        if self.memory == Memory::Node {
+            let moves = |i: usize| old[i] != self.homes[i];
+            let moving: Vec<&mut Tree<N>> =
+                trees.iter_mut().filter(|tree| moves(tree.patch.surface as usize)).collect();
+            self.moved += moving.len() as u64;
+            self.at_home(moving, |tree| tree.patch.surface as usize, |tree, arena| tree.move_to(arena))?;
+            self.reclaim()?;
+        }
+        Ok(())
     }
 
-    /// Has every tree lit by `task`, which counts what it does in the tree's account.
+    /// Makes chunks of arenas that hold nothing any more available again.
+    fn reclaim(&mut self) -> Result<(), WorkerPanic> {
+        if let Hands::Team(team, kits) = &mut self.hands {
+            team.run(|worker| {
+                for arena in kits.local(worker).arenas.in_use() {
+                    arena.reset();
+                }
+            })?;
+        }
+        Ok(())
+    }
+
+    /// Has every tree lit by `task`, which counts what it does in the tree's account; it is told the node that it runs on.
     pub fn light<const N: usize>(
         &mut self,
         trees: &mut [Tree<N>],
-        task: impl Fn(&mut Tree<N>, &mut Scratch, Option<&dyn Helpers>) + Sync,
+        task: impl Fn(&mut Tree<N>, &mut Scratch, &dyn Helpers, usize) + Sync,
     ) -> Result<Longest, WorkerPanic> {
         let before: Vec<(u64, u64)> = trees.iter().map(|tree| (tree.work.cost(), tree.span)).collect();
         match &mut self.hands {
-            Hands::Alone(scratch) => trees.iter_mut().for_each(|tree| task(tree, scratch, None)),
-            Hands::Team(team, scratches) => {
-                let (homes, costs, scratches) = (&self.homes, &self.costs, &*scratches);
+            Hands::Alone(own) => {
+                let (scratch, arena) = &mut **own;
+                trees.iter_mut().for_each(|tree| task(tree, scratch, &Alone(arena), 0));
+            }
+            Hands::Team(team, kits) => {
+                let (homes, costs, kits) = (&self.homes, &self.costs, &*kits);
                 let index = |tree: &Tree<N>| tree.patch.surface as usize;
                 let mut costliest_first: Vec<&mut Tree<N>> = trees.iter_mut().collect();
                 costliest_first.sort_by_key(|tree| std::cmp::Reverse(costs[index(tree)]));
                 let home =
                     |tree: &&mut Tree<N>| Home { node: homes[index(tree)], weight: 1 + costs[index(tree)] };
                 team.for_each_mut(&mut costliest_first, home, |worker, tree| {
-                    Here::with_scratch(worker, scratches, |here, scratch| task(tree, scratch, Some(here)));
+                    let here = Here { worker, kits, home: homes[index(tree)] };
+                    here.with_scratch(|here, scratch| task(tree, scratch, here, worker.node()));
                 })?;
             }
         }
@@ -152,19 +221,101 @@ impl<'t> Crew<'t> {
         chosen: impl Fn(&Tree<N>) -> bool,
         each: impl Fn(&mut Tree<N>) -> R + Sync,
     ) -> Result<Vec<R>, WorkerPanic> {
-        let chosen = trees.iter_mut().filter(|tree| chosen(tree));
+        let chosen = trees.iter_mut().filter(|tree| chosen(tree)).collect();
+        self.at_home(chosen, |tree: &&mut Tree<N>| tree.patch.surface as usize, |tree, _| each(tree))
+    }
+
+    /// Calls `each` on the items, which belong to surfaces, on their home nodes, with an arena there; results in the items' order.
+    fn at_home<T: Send, R: Send>(
+        &mut self,
+        items: Vec<T>,
+        surface: impl Fn(&T) -> usize,
+        each: impl Fn(&mut T, &Arena) -> R + Sync,
+    ) -> Result<Vec<R>, WorkerPanic> {
         match &mut self.hands {
-            Hands::Alone(_) => Ok(chosen.map(each).collect()),
-            Hands::Team(team, _) => {
-                let homes = &self.homes;
-                let mut items: Vec<(&mut Tree<N>, Option<R>)> = chosen.map(|tree| (tree, None)).collect();
-                let home = |item: &(&mut Tree<N>, Option<R>)| Home {
-                    node: homes[item.0.patch.surface as usize],
-                    weight: 1,
-                };
-                team.for_each_mut(&mut items, home, |_, (tree, result)| *result = Some(each(tree)))?;
-                Ok(items.into_iter().filter_map(|(_, result)| result).collect())
+            Hands::Alone(own) => Ok(items.into_iter().map(|mut item| each(&mut item, &own.1)).collect()),
+            Hands::Team(team, kits) => {
+                let kits = &*kits;
+                let with_home = |item: T| (self.homes[surface(&item)], item, None);
+                let mut items: Vec<(usize, T, Option<R>)> = items.into_iter().map(with_home).collect();
+                let home = |item: &(usize, T, Option<R>)| Home { node: item.0, weight: 1 };
+                team.for_each_mut(&mut items, home, |worker, (home, item, result)| {
+                    *result = Some(each(item, kits.local(worker).arenas.on_node(*home)));
+                })?;
+                Ok(items.into_iter().filter_map(|(_, _, result)| result).collect())
             }
         }
+    }
+}
+
+/// Number of workers by node.
+fn staff(team: &Team) -> Vec<usize> {
+    team.plan().workers_by_node().iter().map(Vec::len).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use ccnuma::{Machine, Plan, Policy};
+
+    use super::*;
+    use crate::math::Split;
+    use crate::scene::{read::read_file, surfaces};
+    use crate::transport::{Receiver, Shape};
+
+    #[test]
+    fn trees_move_only_when_it_pays_and_memory_does_not_grow() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/furnished-room.iv");
+        let surfaces = surfaces(&read_file(&path).unwrap());
+        let machine = Machine::synthetic("numa:2 core:2 pu:1").unwrap();
+        let mut team = Team::new(&Plan::new(machine.into(), Policy::None, Some(4)).unwrap()).unwrap();
+        let mut crew = Crew::new(Some(&mut team), Memory::Node, &surfaces).unwrap();
+        let mut trees = crew.grow::<3>(&surfaces, Basis::M3).unwrap();
+        let shapes = [const { Shape::Whole }; 4];
+        let divide = |tree: &mut Tree<3>, arena: &Arena| {
+            tree.root.subdivide(Split::Both, &shapes, arena);
+            for child in tree.root.children_mut() {
+                child.subdivide(Split::Both, &shapes, arena);
+                child.deposit(&[[1.5; 3]; 9]);
+            }
+        };
+        crew.at_home(
+            trees.iter_mut().collect(),
+            |tree| tree.patch.surface as usize,
+            |tree, arena| divide(tree, arena),
+        )
+        .unwrap();
+        let fields: Vec<_> = trees.iter().map(Tree::field).collect();
+        crew.settle(&mut trees).unwrap();
+        assert_eq!(crew.moved, 0, "homes were given by area, and nothing else is known");
+        let (first, last) = (crew.order[0], crew.order[surfaces.len() - 1]);
+        for round in 0..40 {
+            let before = crew.moved;
+            crew.work.fill(1);
+            crew.work[if round % 2 == 0 { first } else { last }] = surfaces.len() as u64;
+            crew.settle(&mut trees).unwrap();
+            assert!(
+                crew.moved > before,
+                "round {round}: half of the work is one tree's, and the others go away"
+            );
+            let footprint = crew.footprint(&mut trees, [("a", 0), ("b", 0), ("c", 0)]).unwrap();
+            let bytes: u64 = footprint.arena_bytes_per_node.unwrap().values().sum();
+            // What never moved, what is there now, and what was there before.
+            let most = 3 * 4 * 2 * ccnuma::arena::CHUNK as u64;
+            assert!(bytes <= most, "round {round}: {bytes} bytes");
+        }
+        assert!(fields == trees.iter().map(Tree::field).collect::<Vec<_>>(), "what moves stays the same");
+        let moved = crew.moved;
+        crew.work.fill(1);
+        crew.settle(&mut trees).unwrap();
+        assert!(crew.moved > moved);
+        crew.work.fill(1);
+        crew.settle(&mut trees).unwrap();
+        let moved = crew.moved;
+        crew.work.fill(1);
+        crew.work[first] += 1;
+        crew.settle(&mut trees).unwrap();
+        assert_eq!(crew.moved, moved, "a little more work in one place moves nothing");
     }
 }

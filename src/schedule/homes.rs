@@ -3,16 +3,16 @@
 
 use glam::DVec3;
 
-use crate::radiosity::Tree;
+use crate::scene::Surface;
 
-/// The home of every tree, by position in the machine's table. `work` is expected per tree, `workers` counts each node's.
-pub fn homes<const N: usize>(trees: &[Tree<N>], work: &[u64], workers: &[usize]) -> Vec<usize> {
-    let order = along_the_curve(trees);
+/// The home of every tree, by position in the machine's table; trees in the order of a curve. `work` is expected per tree, `workers` counts
+/// each node's.
+pub fn homes(order: &[usize], work: &[u64], workers: &[usize]) -> Vec<usize> {
     let total: u128 = work.iter().map(|work| u128::from(*work)).sum();
     let all_workers: usize = workers.iter().sum();
-    let mut homes = vec![0; trees.len()];
+    let mut homes = vec![0; order.len()];
     let (mut node, mut staff, mut before) = (0, workers[0], 0);
-    for tree in order {
+    for &tree in order {
         // A tree goes where its middle lies.
         let middle = before + u128::from(work[tree]) / 2;
         while node + 1 < workers.len() && middle * all_workers as u128 >= total * staff as u128 {
@@ -25,17 +25,26 @@ pub fn homes<const N: usize>(trees: &[Tree<N>], work: &[u64], workers: &[usize])
     homes
 }
 
-/// Trees by the Morton code of their surface's middle.
-fn along_the_curve<const N: usize>(trees: &[Tree<N>]) -> Vec<usize> {
-    let middle = |tree: &Tree<N>| {
-        let corners = &tree.patch.corners;
-        corners.iter().sum::<DVec3>() / corners.len() as f64
+/// How much more work the busiest node has for each of its workers than all have for each of theirs, at least 1.
+pub fn imbalance(homes: &[usize], work: &[u64], workers: &[usize]) -> f64 {
+    let mut by_node = vec![0u64; workers.len()];
+    homes.iter().zip(work).for_each(|(home, work)| by_node[*home] += work);
+    let fair = by_node.iter().sum::<u64>() as f64 / workers.iter().sum::<usize>() as f64;
+    let staffed = by_node.iter().zip(workers).filter(|(_, workers)| **workers > 0);
+    staffed.map(|(work, workers)| *work as f64 / *workers as f64 / fair).fold(1.0, f64::max)
+}
+
+/// Surfaces by the Morton code of their middle.
+pub fn along_the_curve(surfaces: &[Surface]) -> Vec<usize> {
+    let middle = |surface: &Surface| {
+        let corners = surface.outline.iter().map(|corner| surface.frame.point(*corner));
+        corners.sum::<DVec3>() / surface.outline.len() as f64
     };
-    let middles: Vec<DVec3> = trees.iter().map(middle).collect();
+    let middles: Vec<DVec3> = surfaces.iter().map(middle).collect();
     let low = middles.iter().copied().fold(DVec3::INFINITY, DVec3::min);
     let high = middles.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
     let side = (high - low).max_element().max(f64::MIN_POSITIVE);
-    let mut order: Vec<usize> = (0..trees.len()).collect();
+    let mut order: Vec<usize> = (0..surfaces.len()).collect();
     order.sort_by_cached_key(|tree| (morton((middles[*tree] - low) / side), *tree));
     order
 }
@@ -54,27 +63,28 @@ fn morton(point: DVec3) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::Basis;
-    use crate::radiosity::trees;
     use crate::scene::{read::read_file, surfaces};
 
     #[test]
     fn nodes_get_their_share_of_the_work_and_neighbours_stay_together() {
         let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/furnished-room.iv");
-        let trees = trees::<3>(&surfaces(&read_file(&path).unwrap()), Basis::Haar);
-        let work: Vec<u64> = (0..trees.len() as u64).map(|i| 100 + (i * 37) % 50).collect();
-        let homes = homes(&trees, &work, &[2, 0, 1, 1]);
+        let order = along_the_curve(&surfaces(&read_file(&path).unwrap()));
+        let work: Vec<u64> = (0..order.len() as u64).map(|i| 100 + (i * 37) % 50).collect();
+        let workers = [2, 0, 1, 1];
+        let homes = homes(&order, &work, &workers);
         let share = |node| -> u64 { (0..work.len()).filter(|i| homes[*i] == node).map(|i| work[i]).sum() };
         let total: u64 = work.iter().sum();
         for (node, expected) in [(0, 0.5), (1, 0.0), (2, 0.25), (3, 0.25)] {
             let found = share(node) as f64 / total as f64;
             assert!((found - expected).abs() < 0.05, "node {node} has {found} of the work, not {expected}");
         }
-        let order = along_the_curve(&trees);
         assert!(
             order.windows(2).all(|pair| homes[pair[0]] <= homes[pair[1]]),
             "nodes hold stretches of the curve"
         );
+        assert!((1.0..1.2).contains(&imbalance(&homes, &work, &workers)));
+        assert_eq!(imbalance(&vec![2; work.len()], &work, &workers), 4.0, "one of four has it all");
+        assert_eq!(imbalance(&homes, &vec![0; work.len()], &workers), 1.0, "nobody has any");
     }
 
     #[test]

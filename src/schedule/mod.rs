@@ -1,7 +1,8 @@
 //! Schedules: who computes which pair when. The sequential one is the specification of the others.
 //!
 //! A run is a few passes ([`control`]), a pass a sequence of batches ([`pass`], [`batch`]), and a batch one task per receiver, which a
-//! crew runs: one thread, or a team that steals from each other, with receivers at home on nodes ([`homes`]).
+//! crew runs: one thread, or a team that steals from each other, with receivers at home on nodes ([`homes`]),
+//! their trees in arenas there, and what all read copied to each ([`copies`]); [`footprint`] says what that takes and where it lies.
 //!
 //! | schedule | crew | batches |
 //! |---|---|---|
@@ -11,7 +12,9 @@
 
 pub mod batch;
 pub mod control;
+mod copies;
 mod crew;
+mod footprint;
 pub mod homes;
 pub mod pass;
 mod watch;
@@ -19,4 +22,5 @@ mod watch;
 pub use batch::Batches;
 pub use control::{Options, Outcome, Schedule, solve, solve_by};
 pub use crew::Longest;
+pub use footprint::Footprint;
 pub use watch::{Observer, Silent, Stage};

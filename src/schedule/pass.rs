@@ -7,10 +7,11 @@ use ccnuma::WorkerPanic;
 
 use crate::radiosity::{Tree, add_ambient};
 use crate::transport::lamp::Lamp;
-use crate::transport::{Packet, Packets, Rules, Work};
+use crate::transport::{Clusters, Packet, Rules, Work};
 use crate::visibility::Occluder;
 
 use super::batch::{Batch, Batches};
+use super::copies::Copies;
 use super::crew::{Crew, Longest};
 use super::watch::{Stage, Watch};
 
@@ -23,6 +24,8 @@ pub struct Pass<'a, const N: usize> {
     pub lamps: &'a [Lamp<N>],
     /// What may stand between.
     pub occluder: &'a dyn Occluder,
+    /// Copies of it near the workers.
+    pub(super) occluders: &'a Copies<Box<dyn Occluder + Send>>,
     /// Rules of the pair tasks.
     pub rules: &'a Rules,
     /// Whether to stop after direct illumination.
@@ -54,6 +57,8 @@ pub struct PassStatistics {
     pub batches: u64,
     /// What no number of workers can be faster than.
     pub longest: Longest,
+    /// Bytes of the packets of the largest batch, copies included.
+    pub packet_bytes: u64,
     /// Power left unshot in W.
     pub unshot_w: f64,
     /// Power sent by the lights in W that arrived, reflected once.
@@ -74,7 +79,7 @@ impl<const N: usize> Pass<'_, N> {
         let mut statistics = PassStatistics::default();
         let start = Instant::now();
         watch.stage(Stage::Direct);
-        crew.settle(trees);
+        crew.settle(trees)?;
         let reflected = self.restart(trees, crew)?;
         let emitters: Vec<Packet<N>> = trees
             .iter()
@@ -82,14 +87,19 @@ impl<const N: usize> Pass<'_, N> {
             .map(Tree::exitance_packet)
             .collect();
         watch.batch(0.0, 1.0, trees.len());
-        let emitters = Packets::new(emitters, self.rules);
-        self.shoot(&Batch { lamps: self.lamps, packets: &emitters }, trees, crew, watch, &mut statistics)?;
+        self.shoot(
+            &Batch { lamps: self.lamps, packets: &emitters, clusters: None },
+            trees,
+            crew,
+            watch,
+            &mut statistics,
+        )?;
         statistics.direct = take_work(trees);
         statistics.first_reflection_w = unshot_w(trees);
         statistics.direct_s = start.elapsed().as_secs_f64();
         let start = Instant::now();
         if !self.direct_only {
-            self.interreflect(trees, reflected, crew, watch, &mut statistics)?;
+            self.interreflect(trees, &reflected, crew, watch, &mut statistics)?;
         }
         statistics.interreflection = take_work(trees);
         statistics.interreflection_s = start.elapsed().as_secs_f64();
@@ -129,7 +139,7 @@ impl<const N: usize> Pass<'_, N> {
     fn interreflect(
         &self,
         trees: &mut [Tree<N>],
-        reflected: Vec<Packet<N>>,
+        reflected: &[Packet<N>],
         crew: &mut Crew<'_>,
         watch: &Watch,
         statistics: &mut PassStatistics,
@@ -141,14 +151,19 @@ impl<const N: usize> Pass<'_, N> {
         }
         let mut done = 0.0;
         if !reflected.is_empty() {
-            for packet in &reflected {
+            for packet in reflected {
                 for n in 0..N {
                     shot_w[n] += packet.nodes[0].coefficients[0][n] * trees[packet.surface as usize].area_m2;
                 }
             }
             watch.batch(0.0, REFLECTED_SHARE, trees.len());
-            let reflected = Packets::new(reflected, self.rules);
-            self.shoot(&Batch { lamps: &[], packets: &reflected }, trees, crew, watch, statistics)?;
+            self.shoot(
+                &Batch { lamps: &[], packets: reflected, clusters: None },
+                trees,
+                crew,
+                watch,
+                statistics,
+            )?;
             crew.map(trees, |_| true, Tree::measure_unshot)?;
             done = REFLECTED_SHARE;
         }
@@ -171,8 +186,13 @@ impl<const N: usize> Pass<'_, N> {
             }
             let shoots = |tree: &Tree<N>| shooters.binary_search(&(tree.patch.surface as usize)).is_ok();
             let packets = crew.map(trees, shoots, |tree| tree.take_packet(self.prune_w_m2))?;
-            let packets = Packets::new(packets, self.rules);
-            self.shoot(&Batch { lamps: &[], packets: &packets }, trees, crew, watch, statistics)?;
+            self.shoot(
+                &Batch { lamps: &[], packets: &packets, clusters: None },
+                trees,
+                crew,
+                watch,
+                statistics,
+            )?;
         }
     }
 
@@ -187,9 +207,16 @@ impl<const N: usize> Pass<'_, N> {
         if batch.is_empty() {
             return Ok(());
         }
-        let longest = crew.light(trees, |tree, scratch, helpers| {
-            batch.light(tree, (self.occluder, self.rules), scratch, helpers, watch);
+        let bytes: usize = batch.packets.iter().map(Packet::bytes).sum();
+        let clusters = Clusters::of(batch.packets, self.rules);
+        let copies = crew.copy_all(batch.packets, bytes)?;
+        let longest = crew.light(trees, |tree, scratch, helpers, node| {
+            let packets = copies.on(node).map_or(batch.packets, |packets| packets);
+            let occluder = self.occluders.on(node).map_or(self.occluder, |occluder| &**occluder);
+            let near = Batch { packets, clusters: clusters.as_ref(), ..*batch };
+            near.light(tree, (occluder, self.rules), scratch, helpers, watch);
         })?;
+        statistics.packet_bytes = statistics.packet_bytes.max((bytes * (1 + copies.len())) as u64);
         statistics.longest.receiver += longest.receiver;
         statistics.longest.chain += longest.chain;
         statistics.shots += batch.len() as u64;

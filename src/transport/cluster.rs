@@ -211,6 +211,9 @@ fn divide(nodes: &mut Vec<Cluster>, members: &mut [Member], range: Range<usize>)
 
 #[cfg(test)]
 mod tests {
+    use ccnuma::Arena;
+    use ccnuma::arena::Backend;
+
     use super::*;
     use crate::math::Basis;
     use crate::radiosity::{Tree, trees};
@@ -218,7 +221,8 @@ mod tests {
 
     fn packets() -> Vec<Packet<3>> {
         let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/furnished-room.iv");
-        let mut trees = trees::<3>(&surfaces(&read_file(&path).unwrap()), Basis::M2);
+        let arena = Arena::new(Backend::Malloc);
+        let mut trees = trees::<3>(&surfaces(&read_file(&path).unwrap()), Basis::M2, &arena);
         for (i, tree) in trees.iter_mut().enumerate() {
             tree.exitance_w_m2 = [(i % 5) as f64, 1.0, 0.0];
         }

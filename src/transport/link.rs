@@ -57,7 +57,7 @@ impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
         let area = self.patch.frame.area_m2 * cell.area() * receiver.shape().share();
         let weight = self.weight * area.sqrt();
         let strict = POINT_SHARE * self.threshold / weight;
-        let whole = *receiver.shape() == Shape::Whole;
+        let whole = receiver.shape() == Shape::Whole;
         // A first look, only as sharp as it takes to see that the element must be divided.
         let middle = 0.25 * hull.iter().sum::<DVec3>();
         let radius = hull.iter().map(|p| p.distance(middle)).fold(0.0, f64::max);
@@ -202,7 +202,7 @@ impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
         }
     }
 
-    fn sample(&self, shape: &Shape, cell: &Cell) -> Sampling {
+    fn sample(&self, shape: Shape<&[DVec2]>, cell: &Cell) -> Sampling {
         let rule = &self.rules.samples;
         let frame = &self.patch.frame;
         let mut sampling = Sampling {

@@ -23,6 +23,7 @@ pub mod unblocked;
 pub mod view;
 pub mod work;
 
+pub use cluster::Clusters;
 pub use gather::{Gather, Points};
 pub use lamp::Lamp;
 pub use packet::{Detail, Packet, PacketNode, Shape};
@@ -30,6 +31,6 @@ pub use pair::{Oracle, Rules, Scratch, shoot};
 pub use receiver::{Deposited, Patch, Receiver};
 pub use samples::SampleRule;
 pub use several::Packets;
-pub use share::{Half, Helpers};
+pub use share::{Alone, Half, Helpers};
 pub use source::Source;
 pub use work::Work;

@@ -87,6 +87,13 @@ impl<const N: usize> Packet<N> {
         Self { surface: index, face, frame, outline, basis, nodes, root_nodes }
     }
 
+    /// Bytes that it takes.
+    pub fn bytes(&self) -> usize {
+        let outline = self.outline.as_deref().map_or(0, size_of_val);
+        let nodes = self.nodes.capacity() * size_of::<PacketNode<N>>();
+        size_of::<Self>() + nodes + size_of_val(&*self.root_nodes) + outline
+    }
+
     /// The whole emitter.
     pub fn root(&self) -> EmitterCell<N> {
         root(&self.nodes, self.outline.clone())
@@ -158,15 +165,15 @@ pub fn cell_corners(cell: &Cell) -> [DVec2; 4] {
     [low, DVec2::new(high.x, low.y), high, DVec2::new(low.x, high.y)]
 }
 
-/// How a cell lies to a surface's polygon.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Shape {
+/// How a cell lies to a surface's polygon; `O` holds the outline where it is cut.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Shape<O = Box<[DVec2]>> {
     /// The cell lies inside.
     Whole,
     /// They do not overlap.
     Outside,
     /// The part of the polygon inside the cell, in the surface's parameters, and its share of the cell's area.
-    Part(Box<[DVec2]>, f64),
+    Part(O, f64),
 }
 
 impl Shape {
@@ -187,15 +194,20 @@ impl Shape {
             Shape::Part(part.into_boxed_slice(), share)
         }
     }
+}
 
+impl Shape<&[DVec2]> {
     /// The shape of the child cell within this shape's cell.
-    pub fn of_child(&self, child: &Cell) -> Self {
+    pub fn of_child(&self, child: &Cell) -> Shape {
         match self {
-            Shape::Part(outline, _) => Self::cut(outline, child),
-            other => other.clone(),
+            Shape::Part(outline, _) => Shape::cut(outline, child),
+            Shape::Whole => Shape::Whole,
+            Shape::Outside => Shape::Outside,
         }
     }
+}
 
+impl<O> Shape<O> {
     /// The share of the cell that belongs to the polygon.
     pub fn share(&self) -> f64 {
         match self {

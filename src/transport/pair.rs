@@ -64,8 +64,8 @@ pub struct Scratch {
     pub work: Work,
 }
 
-/// Transports the light of `source` to the tree of `receiver`. The one function every schedule runs; `helpers`, if there are any, may take
-/// over subtrees of the receiver, which does not show in the result.
+/// Transports the light of `source` to the tree of `receiver`. The one function every schedule runs; `helpers` say where new elements live
+/// and may take over subtrees of the receiver, which does not show in the result.
 pub fn shoot<const N: usize, R: Receiver<N>>(
     source: &impl Source<N>,
     patch: &Patch<N>,
@@ -73,7 +73,7 @@ pub fn shoot<const N: usize, R: Receiver<N>>(
     occluder: &dyn Occluder,
     rules: &Rules,
     scratch: &mut Scratch,
-    helpers: Option<&dyn Helpers>,
+    helpers: &dyn Helpers,
 ) -> Deposited<N> {
     if source.surface() == patch.surface || source.face() == patch.face {
         return Deposited::default();
@@ -123,7 +123,7 @@ impl<const N: usize, S> Clone for Setting<'_, N, S> {
 impl<const N: usize, S> Copy for Setting<'_, N, S> {}
 
 impl<'a, const N: usize, S: Source<N>> Setting<'a, N, S> {
-    fn run_by<'b>(self, scratch: &'b mut Scratch, helpers: Option<&'b dyn Helpers>) -> Shoot<'b, N, S>
+    fn run_by<'b>(self, scratch: &'b mut Scratch, helpers: &'b dyn Helpers) -> Shoot<'b, N, S>
     where
         'a: 'b,
     {
@@ -151,7 +151,7 @@ impl<'a, const N: usize, S: Source<N>> Setting<'a, N, S> {
                     Candidates::List(..) => Candidates::List(top, scratch.candidates.len()),
                     other => other,
                 };
-                let mut task = self.run_by(scratch, Some(helpers));
+                let mut task = self.run_by(scratch, helpers);
                 task.visit(part.receiver, part.cell, candidates, level);
                 part.deposited = task.deposited;
                 scratch.candidates.truncate(top);
@@ -185,7 +185,7 @@ pub(super) struct Shoot<'a, const N: usize, S> {
     pub(super) occluder: &'a dyn Occluder,
     pub(super) rules: &'a Rules,
     pub(super) scratch: &'a mut Scratch,
-    helpers: Option<&'a dyn Helpers>,
+    helpers: &'a dyn Helpers,
     pub(super) threshold: f64,
     pub(super) extend: bool,
     pub(super) weight: f64,
@@ -268,7 +268,7 @@ impl<'a, const N: usize, S: Source<N>> Shoot<'a, N, S> {
     }
 
     fn visit<R: Receiver<N>>(&mut self, receiver: &mut R, cell: Cell, candidates: Candidates, level: u8) {
-        if *receiver.shape() == Shape::Outside {
+        if receiver.shape() == Shape::Outside {
             return;
         }
         let hull = cell_corners(&cell).map(|c| self.patch.frame.point(c));
@@ -295,9 +295,9 @@ impl<'a, const N: usize, S: Source<N>> Shoot<'a, N, S> {
         };
         if receiver.split().is_none() {
             let shape = receiver.shape();
-            let shapes =
+            let shapes: Vec<Shape> =
                 (0..wanted.children().len()).map(|i| shape.of_child(&cell.child(wanted, i))).collect();
-            receiver.subdivide(wanted, shapes);
+            receiver.subdivide(wanted, &shapes, self.helpers.arena());
         }
         let split = receiver.split().unwrap_or(wanted);
         self.visit_children(receiver, cell, split, candidates, level + 1);
@@ -315,7 +315,8 @@ impl<'a, const N: usize, S: Source<N>> Shoot<'a, N, S> {
     ) {
         let mut sum = Deposited::default();
         let children = receiver.children_mut().iter_mut().enumerate();
-        if let Some(helpers) = self.helpers.filter(|helpers| helpers.wanted()) {
+        let helpers = self.helpers;
+        if helpers.wanted() {
             let blockers = match candidates {
                 Candidates::List(start, end) => self.scratch.candidates[start..end].to_vec(),
                 _ => Vec::new(),

@@ -1,6 +1,7 @@
 //! Who receives light: a surface's patch, its tree of elements, and what a pair task brought to it.
 
-use glam::DVec3;
+use ccnuma::Arena;
+use glam::{DVec2, DVec3};
 
 use super::packet::Shape;
 use crate::math::Split;
@@ -47,11 +48,11 @@ impl<const N: usize> Patch<N> {
 /// A receiving element, which owns the elements below it.
 pub trait Receiver<const N: usize>: Send {
     /// How the cell lies to the surface's polygon.
-    fn shape(&self) -> &Shape;
+    fn shape(&self) -> Shape<&[DVec2]>;
     /// How it is divided, if it is.
     fn split(&self) -> Option<Split>;
-    /// Divides it; `shapes` are those of the children.
-    fn subdivide(&mut self, split: Split, shapes: Vec<Shape>);
+    /// Divides it; `shapes` are those of the children, which live in `arena`.
+    fn subdivide(&mut self, split: Split, shapes: &[Shape], arena: &Arena);
     /// The children of a divided element, else none.
     fn children_mut(&mut self) -> &mut [Self]
     where

@@ -20,26 +20,24 @@ const CLUSTER_SHARE: f64 = 1.0;
 /// Clusters pay from this many packets.
 const LEAST_PACKETS: usize = 16;
 
-/// Packets that are shot together, and how they cluster.
-#[derive(Clone, Debug)]
-pub struct Packets<const N: usize> {
-    packets: Vec<Packet<N>>,
-    clusters: Option<Clusters>,
+/// Packets that are shot together.
+#[derive(Clone, Copy, Debug)]
+pub struct Packets<'a, const N: usize> {
+    /// The packets, to be shot in this order where they do not cluster.
+    pub packets: &'a [Packet<N>],
+    /// How they cluster, where they do.
+    pub clusters: Option<&'a Clusters>,
 }
 
-impl<const N: usize> Packets<N> {
-    /// Takes packets, to be shot in this order where they do not cluster. Only the energy oracle knows what may be left out.
-    pub fn new(packets: Vec<Packet<N>>, rules: &Rules) -> Self {
-        let clustered = rules.oracle == Oracle::Energy && packets.len() >= LEAST_PACKETS;
-        let clusters = clustered.then(|| Clusters::new(&packets));
-        Self { packets, clusters }
+impl Clusters {
+    /// The clusters of packets of which there are enough. Only the energy oracle knows what may be left out.
+    pub fn of<const N: usize>(packets: &[Packet<N>], rules: &Rules) -> Option<Self> {
+        let pays = rules.oracle == Oracle::Energy && packets.len() >= LEAST_PACKETS;
+        pays.then(|| Self::new(packets))
     }
+}
 
-    /// The packets.
-    pub fn as_slice(&self) -> &[Packet<N>] {
-        &self.packets
-    }
-
+impl<const N: usize> Packets<'_, N> {
     /// Transports their light to one receiver, until told to stop; `helpers` as in [`shoot`].
     #[allow(clippy::too_many_arguments)]
     pub fn shoot<R: Receiver<N>>(
@@ -49,11 +47,11 @@ impl<const N: usize> Packets<N> {
         occluder: &dyn Occluder,
         rules: &Rules,
         scratch: &mut Scratch,
-        helpers: Option<&dyn Helpers>,
+        helpers: &dyn Helpers,
         go_on: &dyn Fn() -> bool,
     ) -> Deposited<N> {
         let mut deposited = Deposited::default();
-        let Some(clusters) = &self.clusters else {
+        let Some(clusters) = self.clusters else {
             for packet in self.packets.iter().take_while(|_| go_on()) {
                 deposited.add_after(shoot(packet, patch, receiver, occluder, rules, scratch, helpers));
             }
@@ -158,11 +156,14 @@ impl<const N: usize> Patch<N> {
 
 #[cfg(test)]
 mod tests {
+    use ccnuma::Arena;
+    use ccnuma::arena::Backend;
+
     use super::*;
     use crate::math::Basis;
     use crate::radiosity::{Tree, trees};
     use crate::scene::{read::inventor, surfaces};
-    use crate::transport::SampleRule;
+    use crate::transport::{Alone, SampleRule};
     use crate::visibility::{Bvh, OpaqueFaces};
 
     /// A floor under a cloud of little squares that look down, up and sideways, and a shelf that shades a part of it.
@@ -201,7 +202,9 @@ mod tests {
         let scene = inventor::parse(&cloud(), std::path::Path::new("cloud.iv")).unwrap();
         let surfaces = surfaces(&scene);
         let bvh = Bvh::new(OpaqueFaces::new(&scene));
-        let dark = trees::<1>(&surfaces, Basis::M2);
+        let arena = Arena::new(Backend::Malloc);
+        let (alone, grow) = (Alone(&arena), || trees::<1>(&surfaces, Basis::M2, &arena));
+        let dark = grow();
         let packets: Vec<Packet<1>> =
             dark.iter().filter(|t| t.exitance_w_m2[0] > 0.0).map(Tree::exitance_packet).collect();
         assert_eq!(packets.len(), 400);
@@ -215,18 +218,20 @@ mod tests {
                 point_w_m2: f64::INFINITY,
                 samples: SampleRule::new(Basis::M2),
             };
-            let together = Packets::new(packets.clone(), &rules);
+            let clusters = Clusters::of(&packets, &rules);
+            let together = Packets { packets: &packets, clusters: clusters.as_ref() };
+            let mut lit = grow();
             // The floor, the shelf, and some of the little ones.
             for index in [400, 401, 0, 1, 2, 199] {
                 let mut scratch = Scratch::default();
-                let mut tree = dark[index].clone();
+                let tree = &mut lit[index];
                 let found =
-                    together.shoot(&tree.patch, &mut tree.root, &bvh, &rules, &mut scratch, None, &|| true);
+                    together.shoot(&tree.patch, &mut tree.root, &bvh, &rules, &mut scratch, &alone, &|| true);
                 skipped += scratch.work.pairs_clustered;
                 let fine = Rules { threshold_w_m: 1e-5, ..rules.clone() };
                 let mut truth = 0.0;
                 for packet in &packets {
-                    let one = shoot(packet, &tree.patch, &mut tree.root, &bvh, &fine, &mut scratch, None);
+                    let one = shoot(packet, &tree.patch, &mut tree.root, &bvh, &fine, &mut scratch, &alone);
                     truth += one.received_w[0];
                 }
                 let miss = 0.5 * (found.received_w[0] - truth).abs() / tree.area_m2.sqrt();

@@ -38,4 +38,7 @@ impl Occluder for Brute {
             .filter_map(|f| self.0.hit(f, origin, direction).filter(|t| *t > 0.0).map(|t| (f, t)))
             .min_by(|a, b| a.1.total_cmp(&b.1))
     }
+    fn bytes(&self) -> usize {
+        self.0.bytes()
+    }
 }

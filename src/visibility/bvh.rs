@@ -10,6 +10,7 @@ const LEAF_FACES: usize = 4;
 const HALVE_DEPTH: usize = 32;
 
 /// The hierarchy.
+#[derive(Clone)]
 pub struct Bvh {
     faces: OpaqueFaces,
     nodes: Vec<Node>,
@@ -204,6 +205,14 @@ impl Occluder for Bvh {
             _ => reach,
         });
         found
+    }
+
+    fn bytes(&self) -> usize {
+        self.faces.bytes() + size_of_val(&*self.nodes) + size_of_val(&*self.order)
+    }
+
+    fn replica(&self) -> Option<Box<dyn Occluder + Send>> {
+        Some(Box::new(self.clone()))
     }
 }
 

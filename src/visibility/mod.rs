@@ -34,6 +34,14 @@ pub trait Occluder: Sync {
 
     /// The first face hit by the ray and the distance in units of `direction`'s length.
     fn first_hit(&self, origin: DVec3, direction: DVec3) -> Option<(u32, f64)>;
+
+    /// Bytes that it takes.
+    fn bytes(&self) -> usize;
+
+    /// A copy in memory that the calling thread touches first; `None` where it is not asked often enough for copies to pay.
+    fn replica(&self) -> Option<Box<dyn Occluder + Send>> {
+        None
+    }
 }
 
 impl<T: Occluder + ?Sized> Occluder for &T {
@@ -51,6 +59,14 @@ impl<T: Occluder + ?Sized> Occluder for &T {
 
     fn first_hit(&self, origin: DVec3, direction: DVec3) -> Option<(u32, f64)> {
         (**self).first_hit(origin, direction)
+    }
+
+    fn bytes(&self) -> usize {
+        (**self).bytes()
+    }
+
+    fn replica(&self) -> Option<Box<dyn Occluder + Send>> {
+        (**self).replica()
     }
 }
 
@@ -75,5 +91,9 @@ impl<T: Occluder> Occluder for Unoccluded<T> {
 
     fn first_hit(&self, origin: DVec3, direction: DVec3) -> Option<(u32, f64)> {
         self.0.first_hit(origin, direction)
+    }
+
+    fn bytes(&self) -> usize {
+        self.0.bytes()
     }
 }

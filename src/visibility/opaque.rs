@@ -8,6 +8,7 @@ use crate::scene::Scene;
 const MAX_CONVEX_CORNERS: usize = 8;
 
 /// All faces of a scene as opaque polygons.
+#[derive(Clone)]
 pub struct OpaqueFaces {
     faces: Vec<Prepared>,
     corners: Vec<DVec2>,
@@ -17,6 +18,7 @@ pub struct OpaqueFaces {
     piece_vertices: Vec<DVec3>,
 }
 
+#[derive(Clone)]
 struct Prepared {
     normal: DVec3,
     offset: f64,
@@ -31,6 +33,7 @@ struct Prepared {
     corner: Option<Corner>,
 }
 
+#[derive(Clone)]
 struct Corner {
     a: DVec3,
     a0: f64,
@@ -169,6 +172,13 @@ impl OpaqueFaces {
     /// Twice the face's area over its perimeter, in metres: the width of a strip, half the side of a square.
     pub fn width(&self, face: u32) -> f64 {
         self.faces[face as usize].width
+    }
+
+    /// Bytes that they take.
+    pub fn bytes(&self) -> usize {
+        let corners = size_of_val(&*self.corners) + size_of_val(&*self.vertices);
+        let pieces = size_of_val(&*self.piece_ends) + size_of_val(&*self.piece_vertices);
+        size_of_val(&*self.faces) + corners + pieces
     }
 
     /// How many faces there are.

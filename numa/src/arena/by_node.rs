@@ -11,6 +11,7 @@ use super::{Arena, Backend, Stats};
 use crate::cpuset::CpuSet;
 use crate::error::Error;
 use crate::pages::{PageCount, Placement};
+use crate::team::Worker;
 use crate::topology::Machine;
 
 /// Where a program's data shall live, as a study selects it.
@@ -20,7 +21,7 @@ pub enum Memory {
     /// On the node that is named with each allocation.
     #[default]
     Node,
-    /// Page by page round all nodes with CPUs.
+    /// Page by page round all nodes with CPUs, on small pages.
     Interleave,
     /// On the node of the worker that writes a page first.
     FirstTouch,
@@ -62,6 +63,8 @@ pub struct NodeArenas {
     /// Operating-system numbers by position; arenas are made at first use.
     nodes: Vec<(usize, OnceCell<Arena>)>,
     interleaved: CpuSet,
+    /// The owner's node, by position: elsewhere it makes little, which goes on small pages.
+    near: Option<usize>,
 }
 
 impl NodeArenas {
@@ -69,20 +72,29 @@ impl NodeArenas {
     pub fn new(machine: &Machine, memory: Memory) -> Self {
         let nodes = machine.nodes.iter().map(|node| (node.os, OnceCell::new())).collect();
         let interleaved = machine.nodes.iter().filter(|node| node.has_cpus).map(|node| node.os).collect();
-        Self { memory, nodes, interleaved }
+        Self { memory, nodes, interleaved, near: None }
+    }
+
+    /// The same for a worker, which makes most of its data on its own node: on the other nodes its arenas have small pages, of which
+    /// only those in use take memory, so that many workers on many nodes do not fill them with chunks that are nearly empty.
+    pub fn of_worker(worker: &Worker, memory: Memory) -> Self {
+        Self { near: Some(worker.node()), ..Self::new(&worker.plan().machine, memory) }
     }
 
     /// The arena for data whose home is `node`, by position in the machine's table. Without [`Memory::Node`] there is
     /// one arena for all.
     pub fn on_node(&self, node: usize) -> &Arena {
         let (os, arena) = &self.nodes[if self.memory == Memory::Node { node } else { 0 }];
+        let far = self.memory == Memory::Node && self.near.is_some_and(|near| near != node);
         arena.get_or_init(|| {
-            Arena::new(match self.memory {
+            let arena = Arena::new(match self.memory {
                 Memory::Node => Backend::Pages(Placement::Bind(*os)),
                 Memory::Interleave => Backend::Pages(Placement::Interleave(self.interleaved.clone())),
                 Memory::FirstTouch => Backend::Pages(Placement::FirstTouch),
                 Memory::Malloc => Backend::Malloc,
-            })
+            });
+            // Huge pages would go round the nodes in lumps.
+            if far || self.memory == Memory::Interleave { arena.on_small_pages() } else { arena }
         })
     }
 
@@ -91,12 +103,25 @@ impl NodeArenas {
         self.nodes.iter().filter_map(|(_, arena)| arena.get())
     }
 
+    /// How their memory is placed.
+    pub fn memory(&self) -> Memory {
+        self.memory
+    }
+
+    /// Those in use with the node they are for (operating-system number); none but with [`Memory::Node`], whose arenas alone are for
+    /// a node.
+    pub fn by_node(&self) -> impl Iterator<Item = (usize, &Arena)> {
+        let nodes = self.nodes.iter().filter(|_| self.memory == Memory::Node);
+        nodes.filter_map(|(os, arena)| Some((*os, arena.get()?)))
+    }
+
     /// The sum of their statistics.
     pub fn stats(&self) -> Stats {
         self.in_use().map(Arena::stats).fold(Stats::default(), |sum, stats| Stats {
             allocations: sum.allocations + stats.allocations,
             value_bytes: sum.value_bytes + stats.value_bytes,
             mapped_bytes: sum.mapped_bytes + stats.mapped_bytes,
+            chunk_bytes: sum.chunk_bytes + stats.chunk_bytes,
             waste_bytes: sum.waste_bytes + stats.waste_bytes,
             chunks: sum.chunks + stats.chunks,
             free_chunks: sum.free_chunks + stats.free_chunks,

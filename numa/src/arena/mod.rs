@@ -64,6 +64,8 @@ pub struct Stats {
     pub value_bytes: u64,
     /// Bytes mapped now, spare ones included; 0 with [`Backend::Malloc`], whose allocator does not tell.
     pub mapped_bytes: usize,
+    /// Bytes of the chunks in use and kept for reuse; what is mapped beyond that was never touched.
+    pub chunk_bytes: usize,
     /// Bytes lost to alignment and at the ends of chunks since the start.
     pub waste_bytes: u64,
     /// Chunks in use.
@@ -144,9 +146,13 @@ impl Arena {
 
     /// As [`Arena::on_node`] on small pages, for so little that a huge page would be wasted.
     pub(crate) fn small_on_node(node: usize) -> Self {
-        let mut arena = Self::on_node(node);
-        arena.huge = false;
-        arena
+        Self::on_node(node).on_small_pages()
+    }
+
+    /// The same, before anything is mapped, on small pages: what is not touched costs nothing.
+    pub(crate) fn on_small_pages(mut self) -> Self {
+        self.huge = false;
+        self
     }
 
     /// Moves a value into the arena. Aborts, as `Box` does, when the machine has no memory left.
@@ -203,12 +209,14 @@ impl Arena {
         let allocations = self.issued_before.get() + self.issued.get() as u64;
         let value_bytes = self.value_bytes.get();
         let used = self.used_bytes.get() + self.cursor.get().saturating_sub(self.open_start()) as u64;
+        let (sealed, free, open) = (self.sealed.borrow(), self.free.borrow(), self.open.get());
         Stats {
             allocations,
             value_bytes,
             waste_bytes: used.saturating_sub(value_bytes),
-            chunks: self.sealed.borrow().len() + usize::from(self.open.get().is_some()),
-            free_chunks: self.free.borrow().len(),
+            chunk_bytes: sealed.iter().chain(free.iter()).chain(&open).map(Chunk::bytes).sum(),
+            chunks: sealed.len() + usize::from(open.is_some()),
+            free_chunks: free.len(),
             ..self.stats.borrow().clone()
         }
     }

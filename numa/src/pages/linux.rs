@@ -82,11 +82,33 @@ pub fn place(base: NonNull<u8>, bytes: usize, placement: &Placement) -> Result<(
     }
 }
 
+/// Sets the calling thread's policy for pages that have none of their own: round these nodes, or the default.
+pub fn interleave_thread(nodes: Option<&CpuSet>) -> Result<(), String> {
+    let words = nodes.map_or(&[][..], CpuSet::words);
+    let (mode, mask) = match nodes {
+        Some(_) => (libc::MPOL_INTERLEAVE, words.as_ptr()),
+        None => (libc::MPOL_DEFAULT, std::ptr::null()),
+    };
+    // The kernel reads one bit less than it is told.
+    let bits = if words.is_empty() { 0 } else { words.len() * 64 + 1 };
+    // SAFETY: the kernel reads `bits - 1` bits of `words`, which lives through the call; only where later pages land changes.
+    match unsafe { libc::syscall(libc::SYS_set_mempolicy, mode, mask, bits) } {
+        0 => Ok(()),
+        _ => Err(IoError::last_os_error().to_string()),
+    }
+}
+
 /// Asks for huge pages; `false` where the kernel has none or has them switched off.
 pub fn advise_huge(base: NonNull<u8>, bytes: usize) -> bool {
     // SAFETY: advice on an owned range; contents do not change.
     let advised = unsafe { libc::madvise(base.as_ptr().cast(), bytes, libc::MADV_HUGEPAGE) } == 0;
     advised && !huge_pages_off()
+}
+
+/// Asks for small pages; a kernel without huge ones refuses, which is as well.
+pub fn advise_small(base: NonNull<u8>, bytes: usize) {
+    // SAFETY: advice on an owned range; contents do not change.
+    unsafe { libc::madvise(base.as_ptr().cast(), bytes, libc::MADV_NOHUGEPAGE) };
 }
 
 /// Whether transparent huge pages are set to `never`; read once.

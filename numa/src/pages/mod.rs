@@ -88,7 +88,7 @@ unsafe impl Sync for Pages {}
 impl Pages {
     /// Maps at least `bytes` bytes (rounded up to [`HUGE`]) placed as asked. Nothing is touched yet.
     pub fn map(bytes: usize, placement: &Placement) -> Result<Self, Error> {
-        let mut pages = Self::map_small(bytes, placement)?;
+        let mut pages = Self::map_unadvised(bytes, placement)?;
         pages.huge = sys::advise_huge(pages.base, pages.bytes);
         if !pages.huge {
             crate::warnings::note("huge pages are not available: small pages are used".to_owned());
@@ -96,8 +96,14 @@ impl Pages {
         Ok(pages)
     }
 
-    /// As [`Pages::map`] without asking for huge pages: what is not touched costs nothing.
+    /// As [`Pages::map`] on small pages, wherever the kernel's habit is: what is not touched costs nothing.
     pub fn map_small(bytes: usize, placement: &Placement) -> Result<Self, Error> {
+        let pages = Self::map_unadvised(bytes, placement)?;
+        sys::advise_small(pages.base, pages.bytes);
+        Ok(pages)
+    }
+
+    fn map_unadvised(bytes: usize, placement: &Placement) -> Result<Self, Error> {
         let too_big = || Error::Map { bytes, reason: "more than the address space".to_owned() };
         let bytes = bytes.max(1).checked_next_multiple_of(HUGE).ok_or_else(too_big)?;
         if let Placement::Bind(node) = *placement {
@@ -253,16 +259,67 @@ fn nodes_add_up() -> bool {
     })
 }
 
+/// Calls `make` with the calling thread's fresh pages going round these nodes, as `numactl --interleave` does for a process: for what is
+/// allocated by others, such as large vectors. Pages that the allocator has already stay where they are.
+pub fn interleaving<R>(nodes: &CpuSet, make: impl FnOnce() -> R) -> R {
+    struct Reset;
+    impl Drop for Reset {
+        fn drop(&mut self) {
+            // What could be set can be reset.
+            let _ = sys::interleave_thread(None);
+        }
+    }
+    let _reset = match sys::interleave_thread(Some(nodes)) {
+        Ok(()) => Some(Reset),
+        Err(reason) => {
+            crate::warnings::note(format!(
+                "pages cannot be interleaved ({reason}): they land by first touch"
+            ));
+            None
+        }
+    };
+    make()
+}
+
 /// Which nodes the pages that hold these items are on.
 pub fn count_of<T>(items: &[T]) -> Result<PageCount, Error> {
     count(items.as_ptr().cast(), size_of_val(items))
+}
+
+/// The pages that hold some values, by number.
+#[derive(Clone, Debug, Default)]
+pub struct PageSet(Vec<usize>);
+
+impl PageSet {
+    /// Adds the pages that hold these items.
+    pub fn add<T>(&mut self, items: &[T]) {
+        if size_of_val(items) > 0 {
+            let (page, first) = (sys::page_bytes(), items.as_ptr().addr());
+            let pages = first / page..=(first + size_of_val(items) - 1) / page;
+            // Neighbours share pages.
+            let last = self.0.last().copied();
+            self.0.extend(pages.filter(|number| Some(*number) != last));
+        }
+    }
+
+    /// Which nodes they are on; each counts once.
+    pub fn count(mut self) -> Result<PageCount, Error> {
+        self.0.sort_unstable();
+        self.0.dedup();
+        let page = sys::page_bytes();
+        count_at(&self.0.iter().map(|number| number * page).collect::<Vec<_>>())
+    }
 }
 
 /// Which nodes the pages of an address range are on. The kernel only looks up the addresses, nothing is read.
 pub(crate) fn count(base: *const u8, bytes: usize) -> Result<PageCount, Error> {
     let page = sys::page_bytes();
     let first = base.addr() / page * page;
-    let addresses: Vec<usize> = (first..base.addr() + bytes).step_by(page).collect();
+    count_at(&(first..base.addr() + bytes).step_by(page).collect::<Vec<_>>())
+}
+
+/// Which nodes the pages at these addresses are on.
+fn count_at(addresses: &[usize]) -> Result<PageCount, Error> {
     let mut count = PageCount::default();
     for batch in addresses.chunks(4096) {
         for status in sys::nodes_of(batch).map_err(|reason| Error::PageQuery { reason })? {

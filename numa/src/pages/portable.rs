@@ -31,9 +31,15 @@ pub fn place(_: NonNull<u8>, _: usize, placement: &Placement) -> Result<(), Refu
     }
 }
 
+pub fn interleave_thread(_: Option<&crate::cpuset::CpuSet>) -> Result<(), String> {
+    Err("this system has no set_mempolicy".to_owned())
+}
+
 pub fn advise_huge(_: NonNull<u8>, _: usize) -> bool {
     false
 }
+
+pub fn advise_small(_: NonNull<u8>, _: usize) {}
 
 pub fn populate(_: NonNull<u8>, _: usize) {}
 

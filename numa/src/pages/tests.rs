@@ -81,3 +81,23 @@ fn meminfo_is_read_by_whole_names() {
     assert_eq!(field_bytes(text, "MemFree:"), None);
     assert_eq!(field_bytes("MemTotal:\n", "MemTotal:"), None);
 }
+
+#[test]
+fn pages_that_several_values_share_count_once() {
+    let mut pages = Pages::map(HUGE, &Placement::FirstTouch).unwrap();
+    pages.populate();
+    // SAFETY: the range is mapped, zeroed, owned, and not written while the slice lives.
+    let bytes = unsafe { std::slice::from_raw_parts(pages.base().as_ptr(), 3 * sys::page_bytes()) };
+    let page = sys::page_bytes();
+    let count = |set: &PageSet| set.clone().count().unwrap().by_node.values().sum::<usize>();
+    let mut set = PageSet::default();
+    set.add(&bytes[..0]);
+    assert_eq!(count(&set), 0);
+    set.add(&bytes[10..20]);
+    set.add(&bytes[20..30]);
+    assert_eq!(count(&set), 1);
+    set.add(&bytes[page - 1..page + 1]);
+    set.add(&bytes[2 * page..]);
+    set.add(&bytes[..1]);
+    assert_eq!(count(&set), 3);
+}
