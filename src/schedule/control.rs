@@ -17,6 +17,7 @@ use crate::visibility::Occluder;
 use super::batch::Batches;
 use super::crew::Crew;
 use super::pass::{Pass, PassStatistics};
+use super::record::Record;
 use super::watch::{Observer, Watch, observed};
 
 /// Share of the error that links may use.
@@ -103,11 +104,43 @@ pub fn solve_by(
     options: &Options,
     observer: &mut dyn Observer,
 ) -> Result<Outcome, WorkerPanic> {
-    observed(observer, |watch| match scene.bands.len() {
-        1 => Run::<1>::new(scene, surfaces, occluder, options).solve(schedule, watch),
-        2 => Run::<2>::new(scene, surfaces, occluder, options).solve(schedule, watch),
-        _ => Run::<3>::new(scene, surfaces, occluder, options).solve(schedule, watch),
+    observed(observer, |watch| {
+        let mut crew = Crew::new(schedule.team)?;
+        let means = Means { batches: schedule.batches, crew: &mut crew, watch };
+        solve_in_bands(scene, surfaces, occluder, options, means)
     })
+}
+
+/// As [`solve`], with a record of what was done.
+pub fn solve_recorded(
+    batches: Batches,
+    scene: &Scene,
+    surfaces: &[Surface],
+    occluder: &dyn Occluder,
+    options: &Options,
+    observer: &mut dyn Observer,
+) -> (Outcome, Record) {
+    let solved = observed(observer, |watch| {
+        let mut crew = Crew::recording();
+        let means = Means { batches, crew: &mut crew, watch };
+        let outcome = solve_in_bands(scene, surfaces, occluder, options, means)?;
+        Ok((outcome, crew.into_record().unwrap_or_default()))
+    });
+    solved.unwrap_or_else(|panic: WorkerPanic| unreachable!("there is no team, and yet {panic}"))
+}
+
+fn solve_in_bands(
+    scene: &Scene,
+    surfaces: &[Surface],
+    occluder: &dyn Occluder,
+    options: &Options,
+    means: Means<'_, '_, '_>,
+) -> Result<Outcome, WorkerPanic> {
+    match scene.bands.len() {
+        1 => Run::<1>::new(scene, surfaces, occluder, options).solve(means),
+        2 => Run::<2>::new(scene, surfaces, occluder, options).solve(means),
+        _ => Run::<3>::new(scene, surfaces, occluder, options).solve(means),
+    }
 }
 
 struct Run<'a, const N: usize> {
@@ -124,9 +157,9 @@ struct Run<'a, const N: usize> {
 }
 
 /// Who works, how, and who is told.
-struct Means<'t, 'w> {
+struct Means<'c, 't, 'w> {
     batches: Batches,
-    crew: Crew<'t>,
+    crew: &'c mut Crew<'t>,
     watch: &'w Watch,
 }
 
@@ -165,8 +198,8 @@ impl<'a, const N: usize> Run<'a, N> {
         }
     }
 
-    fn solve(&self, schedule: Schedule<'_>, watch: &Watch) -> Result<Outcome, WorkerPanic> {
-        let mut means = Means { batches: schedule.batches, crew: Crew::new(schedule.team)?, watch };
+    fn solve(&self, mut means: Means<'_, '_, '_>) -> Result<Outcome, WorkerPanic> {
+        let watch = means.watch;
         let target = self.options.error;
         let mut work = Work::default();
         let pilot_error = (4.0 * target).clamp(0.02, 0.3);
@@ -206,7 +239,7 @@ impl<'a, const N: usize> Run<'a, N> {
             }
             passes += 1;
         }
-        self.outcome(attempt, work, passes, &mut means.crew)
+        self.outcome(attempt, work, passes, means.crew)
     }
 
     /// An order of magnitude of the norm of reflected radiosity, in W/m: an integrating sphere with the scene's area and power.
@@ -240,7 +273,7 @@ impl<'a, const N: usize> Run<'a, N> {
         mut trees: Vec<Tree<N>>,
         threshold_w_m: f64,
         allowed_w_m: f64,
-        means: &mut Means<'_, '_>,
+        means: &mut Means<'_, '_, '_>,
     ) -> Result<Attempt<N>, WorkerPanic> {
         let root_area = self.area_m2.sqrt();
         let rules = Rules {
@@ -260,7 +293,7 @@ impl<'a, const N: usize> Run<'a, N> {
             prune_w_m2: 0.02 * allowed_w_m / root_area,
             batches: means.batches,
         };
-        let statistics = pass.run(&mut trees, &mut means.crew, means.watch)?;
+        let statistics = pass.run(&mut trees, means.crew, means.watch)?;
         let squares = means.crew.map(&mut trees, |_| true, |tree| tree.reflected_norm_squared())?;
         let unseen = (0.01 / self.options.error).max(1.0).powf(UNSEEN_GROWTH);
         let calibration = LINK_CALIBRATION.0 * (LINK_CALIBRATION.1 * self.gain).hypot(1.0) * unseen;

@@ -12,7 +12,8 @@ use ccnuma::{Home, Team, Worker, WorkerPanic};
 use crate::radiosity::Tree;
 use crate::transport::{Half, Helpers, Scratch};
 
-use super::homes::homes;
+use super::homes::{along_the_curve, homes};
+use super::record::{Record, Recorder};
 
 /// What no number of workers can be faster than, as costs ([`crate::transport::Work::cost`]); summed over batches.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -36,6 +37,8 @@ pub(super) struct Crew<'t> {
 
 enum Hands<'t> {
     Alone(Box<Scratch>),
+    /// One thread that keeps a record.
+    Recording(Box<(Scratch, Recorder)>),
     Team(&'t mut Team, Scratches),
 }
 
@@ -96,6 +99,20 @@ impl<'t> Crew<'t> {
         Ok(Self { hands, homes: Vec::new(), costs: Vec::new(), work: Vec::new() })
     }
 
+    /// One thread that keeps a record.
+    pub fn recording() -> Self {
+        let hands = Hands::Recording(Box::new((Scratch::default(), Recorder::new())));
+        Self { hands, homes: Vec::new(), costs: Vec::new(), work: Vec::new() }
+    }
+
+    /// The record of the run that is now over, where one was kept.
+    pub fn into_record(self) -> Option<Record> {
+        match self.hands {
+            Hands::Recording(recording) => Some(recording.1.finish()),
+            Hands::Alone(_) | Hands::Team(..) => None,
+        }
+    }
+
     /// Gives every tree a home, by the work since the last time, at first by area.
     pub fn settle<const N: usize>(&mut self, trees: &[Tree<N>]) {
         if self.costs.len() != trees.len() {
@@ -104,8 +121,15 @@ impl<'t> Crew<'t> {
             self.work = trees.iter().map(by_area).collect();
             self.costs = self.work.clone();
         }
-        self.homes = match &self.hands {
+        self.homes = match &mut self.hands {
             Hands::Alone(_) => vec![0; trees.len()],
+            Hands::Recording(recording) => {
+                recording.1.settle(|| {
+                    let along = along_the_curve(trees).into_iter().map(|tree| tree as u32).collect();
+                    (along, trees.iter().map(|tree| tree.area_m2).collect())
+                });
+                vec![0; trees.len()]
+            }
             Hands::Team(team, _) => {
                 let workers: Vec<usize> = team.plan().workers_by_node().iter().map(Vec::len).collect();
                 homes(trees, &self.work, &workers)
@@ -123,6 +147,14 @@ impl<'t> Crew<'t> {
         let before: Vec<(u64, u64)> = trees.iter().map(|tree| (tree.work.cost(), tree.span)).collect();
         match &mut self.hands {
             Hands::Alone(scratch) => trees.iter_mut().for_each(|tree| task(tree, scratch, None)),
+            Hands::Recording(recording) => {
+                let (scratch, recorder) = &mut **recording;
+                recorder.batch(trees.iter_mut(), |tree, helpers| {
+                    let before = (tree.work.cost(), tree.span);
+                    task(tree, scratch, Some(helpers));
+                    (tree.work.cost() - before.0, tree.span - before.1)
+                });
+            }
             Hands::Team(team, scratches) => {
                 let (homes, costs, scratches) = (&self.homes, &self.costs, &*scratches);
                 let index = |tree: &Tree<N>| tree.patch.surface as usize;
@@ -155,6 +187,7 @@ impl<'t> Crew<'t> {
         let chosen = trees.iter_mut().filter(|tree| chosen(tree));
         match &mut self.hands {
             Hands::Alone(_) => Ok(chosen.map(each).collect()),
+            Hands::Recording(recording) => Ok(recording.1.map(chosen, each)),
             Hands::Team(team, _) => {
                 let homes = &self.homes;
                 let mut items: Vec<(&mut Tree<N>, Option<R>)> = chosen.map(|tree| (tree, None)).collect();

@@ -7,12 +7,16 @@ use crate::radiosity::Tree;
 
 /// The home of every tree, by position in the machine's table. `work` is expected per tree, `workers` counts each node's.
 pub fn homes<const N: usize>(trees: &[Tree<N>], work: &[u64], workers: &[usize]) -> Vec<usize> {
-    let order = along_the_curve(trees);
+    homes_along(&along_the_curve(trees), work, workers)
+}
+
+/// As [`homes`], of receivers whose order along the curve is known.
+pub fn homes_along(order: &[usize], work: &[u64], workers: &[usize]) -> Vec<usize> {
     let total: u128 = work.iter().map(|work| u128::from(*work)).sum();
     let all_workers: usize = workers.iter().sum();
-    let mut homes = vec![0; trees.len()];
+    let mut homes = vec![0; order.len()];
     let (mut node, mut staff, mut before) = (0, workers[0], 0);
-    for tree in order {
+    for &tree in order {
         // A tree goes where its middle lies.
         let middle = before + u128::from(work[tree]) / 2;
         while node + 1 < workers.len() && middle * all_workers as u128 >= total * staff as u128 {
@@ -26,7 +30,7 @@ pub fn homes<const N: usize>(trees: &[Tree<N>], work: &[u64], workers: &[usize])
 }
 
 /// Trees by the Morton code of their surface's middle.
-fn along_the_curve<const N: usize>(trees: &[Tree<N>]) -> Vec<usize> {
+pub(super) fn along_the_curve<const N: usize>(trees: &[Tree<N>]) -> Vec<usize> {
     let middle = |tree: &Tree<N>| {
         let corners = &tree.patch.corners;
         corners.iter().sum::<DVec3>() / corners.len() as f64

@@ -13,10 +13,14 @@ pub mod batch;
 pub mod control;
 mod crew;
 pub mod homes;
+mod parts;
 pub mod pass;
+pub mod record;
 mod watch;
 
 pub use batch::Batches;
-pub use control::{Options, Outcome, Schedule, solve, solve_by};
+pub use control::{Options, Outcome, Schedule, solve, solve_by, solve_recorded};
 pub use crew::Longest;
+pub use parts::Part;
+pub use record::Record;
 pub use watch::{Observer, Silent, Stage};

@@ -81,9 +81,7 @@ impl<const N: usize> Pass<'_, N> {
             .filter(|tree| tree.exitance_w_m2.iter().any(|m| *m > 0.0))
             .map(Tree::exitance_packet)
             .collect();
-        watch.batch(0.0, 1.0, trees.len());
-        let emitters = Packets::new(emitters, self.rules);
-        self.shoot(&Batch { lamps: self.lamps, packets: &emitters }, trees, crew, watch, &mut statistics)?;
+        self.shoot_known(self.lamps, emitters, 1.0, trees, crew, watch, &mut statistics)?;
         statistics.direct = take_work(trees);
         statistics.first_reflection_w = unshot_w(trees);
         statistics.direct_s = start.elapsed().as_secs_f64();
@@ -146,9 +144,7 @@ impl<const N: usize> Pass<'_, N> {
                     shot_w[n] += packet.nodes[0].coefficients[0][n] * trees[packet.surface as usize].area_m2;
                 }
             }
-            watch.batch(0.0, REFLECTED_SHARE, trees.len());
-            let reflected = Packets::new(reflected, self.rules);
-            self.shoot(&Batch { lamps: &[], packets: &reflected }, trees, crew, watch, statistics)?;
+            self.shoot_known(&[], reflected, REFLECTED_SHARE, trees, crew, watch, statistics)?;
             crew.map(trees, |_| true, Tree::measure_unshot)?;
             done = REFLECTED_SHARE;
         }
@@ -174,6 +170,38 @@ impl<const N: usize> Pass<'_, N> {
             let packets = Packets::new(packets, self.rules);
             self.shoot(&Batch { lamps: &[], packets: &packets }, trees, crew, watch, statistics)?;
         }
+    }
+
+    /// Shoots sources that are all known at the start of a stage; they take it to this share.
+    #[allow(clippy::too_many_arguments)]
+    fn shoot_known(
+        &self,
+        lamps: &[Lamp<N>],
+        packets: Vec<Packet<N>>,
+        share: f64,
+        trees: &mut [Tree<N>],
+        crew: &mut Crew<'_>,
+        watch: &Watch,
+        statistics: &mut PassStatistics,
+    ) -> Result<(), WorkerPanic> {
+        let none = Packets::new(Vec::new(), self.rules);
+        let groups: Vec<Packets<N>> = match self.batches {
+            Batches::Fitted => vec![Packets::new(packets, self.rules)],
+            Batches::Single => packets.into_iter().map(|p| Packets::new(vec![p], self.rules)).collect(),
+        };
+        let batches: Vec<Batch<'_, N>> = match self.batches {
+            Batches::Fitted => groups.iter().map(|packets| Batch { lamps, packets }).collect(),
+            Batches::Single => {
+                let lamps = lamps.chunks(1).map(|lamps| Batch { lamps, packets: &none });
+                lamps.chain(groups.iter().map(|packets| Batch { lamps: &[], packets })).collect()
+            }
+        };
+        let count = batches.len() as f64;
+        for (i, batch) in batches.iter().enumerate() {
+            watch.batch(share * i as f64 / count, share * (i + 1) as f64 / count, trees.len());
+            self.shoot(batch, trees, crew, watch, statistics)?;
+        }
+        Ok(())
     }
 
     fn shoot(
