@@ -151,6 +151,24 @@ impl Record {
         Ok(())
     }
 
+    /// Gives every task the seconds that its cost takes at its receiver's rate over the whole run: receivers differ in what an evaluation costs
+    /// them, in what lies between, but that one task was interrupted by the system says nothing of the next run.
+    pub fn smooth(&mut self) {
+        let mut sums = vec![(0.0, 0.0); self.along_curve.len()];
+        for task in self.batches().flat_map(|batch| &batch.tasks) {
+            let (seconds, cost) = &mut sums[task.receiver as usize];
+            *seconds += f64::from(task.seconds);
+            *cost += f64::from(task.cost);
+        }
+        for step in &mut self.steps {
+            let Step::Batch(batch) = step else { continue };
+            for task in &mut batch.tasks {
+                let (seconds, cost) = sums[task.receiver as usize];
+                task.seconds = (f64::from(task.cost) * seconds / cost) as f32;
+            }
+        }
+    }
+
     /// Multiplies all seconds.
     pub fn scale(&mut self, factor: f64) {
         for step in &mut self.steps {
@@ -294,6 +312,18 @@ mod tests {
     }
 
     #[test]
+    fn tasks_take_what_their_receiver_takes_for_their_cost() {
+        let mut record = recorded(&[100, 300]);
+        let again = recorded(&[200, 300]);
+        record.steps.extend(again.steps);
+        let before = record.seconds();
+        record.smooth();
+        let tasks: Vec<f64> = record.batches().map(|batch| f64::from(batch.tasks[0].seconds)).collect();
+        assert!((tasks[1] / tasks[0] - 2.0).abs() < 1e-5, "twice the cost, twice the time");
+        assert!((record.seconds() / before - 1.0).abs() < 1e-5, "in all it is the same");
+    }
+
+    #[test]
     fn the_least_of_several_runs_is_kept() {
         let (mut record, other) = (recorded(&[100, 200]), recorded(&[100, 200]));
         let least = |a: &Record, b: &Record, i: usize| {
@@ -304,6 +334,7 @@ mod tests {
         record.keep_least(&other).unwrap();
         let found: Vec<f32> = record.batches().next().unwrap().tasks.iter().map(|t| t.seconds).collect();
         assert_eq!(found, expected);
+        record.smooth();
         let before = record.seconds();
         record.scale(2.0);
         assert!((record.seconds() / before - 2.0).abs() < 1e-6);

@@ -117,8 +117,8 @@ pub struct Predicted {
     pub nodes: usize,
     /// The base over the predicted time.
     pub speed_up: f64,
-    /// What no schedule with the same batches exceeds.
-    pub bound: f64,
+    /// What no schedule with the same batches exceeds; none for schedules without batches.
+    pub bound: Option<f64>,
     /// Where the time goes.
     pub replayed: Replayed,
 }
@@ -246,6 +246,7 @@ impl Study {
             let batches = if tape.batches == Batches::Fitted { "fitted" } else { "single" };
             offer(seconds.median, format!("sequential, {batches} batches"));
             let mut record = tape.record.unwrap_or_default();
+            record.smooth();
             // What the record itself cost is taken off again, evenly.
             record.scale(seconds.median / record.seconds().max(f64::MIN_POSITIVE));
             let (bound, count) = (bound(&record), record.batches().count());
@@ -328,13 +329,14 @@ struct Predictor<'a> {
 
 impl Predictor<'_> {
     /// Speed-up, its bound, and where the time goes.
-    fn predict(&self, name: &str, site: &Site) -> Option<(f64, f64, Replayed)> {
+    fn predict(&self, name: &str, site: &Site) -> Option<(f64, Option<f64>, Replayed)> {
         let contestant = self.contestants.iter().find(|contestant| contestant.name == name)?;
         let (model, batches) = contestant.model?;
         let record = (self.record)(batches)?;
         let replayed = replay(record, site, model);
         let least_s = bound(record).least_s(site.workers());
-        Some((self.base_s / replayed.seconds, self.base_s / least_s, replayed))
+        let limit = matches!(model, Model::Stealing | Model::WholeReceivers).then(|| self.base_s / least_s);
+        Some((self.base_s / replayed.seconds, limit, replayed))
     }
 }
 

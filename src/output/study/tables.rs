@@ -104,7 +104,8 @@ pub fn predicted_csv(study: &Speedup) -> String {
         let r = &p.replayed;
         let seconds = [r.busy_s, r.remote_s, r.overhead_s, r.lock_s, r.merge_s, r.barrier_s, r.alone_s];
         let mut row = vec![p.machine.clone(), p.schedule.clone(), p.workers.to_string(), p.nodes.to_string()];
-        row.extend([r.seconds, p.speed_up, p.bound].map(|value| format!("{value:.6}")));
+        row.extend([r.seconds, p.speed_up].map(|value| format!("{value:.6}")));
+        row.push(p.bound.map_or_else(String::new, |bound| format!("{bound:.6}")));
         row.extend(seconds.map(|value| format!("{value:.6}")));
         row.extend([r.batches, r.steals_near, r.steals_far].map(|count| count.to_string()));
         row
@@ -191,12 +192,12 @@ pub fn predicted(study: &Speedup, machine: &str) -> String {
             let _ = write!(text, " {found} |");
         }
         text.push('\n');
-        let _ = write!(text, "| … at most |");
-        for n in &workers {
-            let found = find(schedule, *n).map_or("–".to_owned(), |p| format!("{:.2}", p.bound));
-            let _ = write!(text, " {found} |");
+        let bounds: Vec<f64> = workers.iter().filter_map(|n| find(schedule, *n)?.bound).collect();
+        if bounds.len() == workers.len() {
+            text += "| … at most |";
+            bounds.iter().for_each(|bound| text += &format!(" {bound:.2} |"));
+            text.push('\n');
         }
-        text.push('\n');
     }
     text
 }

@@ -214,22 +214,28 @@ impl<'a> Replay<'a> {
         Shot { prepare, pairs: batch.tasks.iter().map(pair).collect(), small: nanos(batch.small.seconds) }
     }
 
-    /// Shots with nothing between them but the choice of the next one form a group, within which a schedule that locks receivers need not
-    /// wait.
+    /// Shots that are all known, and then shots with nothing between them but the choice of the next one, form groups, within which a schedule
+    /// that locks receivers need not wait.
     fn by_groups(&mut self, by_worker: bool, rule: Receivers) {
-        let (mut group, mut prepare): (Vec<Shot>, f64) = (Vec::new(), 0.0);
+        let (mut group, mut prepare, mut chosen): (Vec<Shot>, f64, bool) = (Vec::new(), 0.0, false);
         let record = self.record;
         for step in &record.steps {
             match step {
                 Step::Alone(seconds) => prepare += seconds,
                 // What the shooter sends is taken from it.
-                Step::Map(map) if map.items <= 1 => prepare += map.seconds,
+                Step::Map(map) if map.items <= 1 => {
+                    if !std::mem::replace(&mut chosen, true) {
+                        self.end_group(&mut group, by_worker, rule);
+                    }
+                    prepare += map.seconds;
+                }
                 Step::Batch(batch) => {
                     let shot = self.shot(batch, nanos(std::mem::take(&mut prepare)));
                     group.push(shot);
                     self.learn(batch);
                 }
                 Step::Settle | Step::Map(_) => {
+                    chosen = false;
                     self.end_group(&mut group, by_worker, rule);
                     self.alone(std::mem::take(&mut prepare));
                     match step {

@@ -7,8 +7,9 @@ use ccnuma::{Error, Machine, Plan, Policy};
 
 use super::Nanos;
 
-/// A conductor wakes one worker: a system call on its side. Measured: half of what an empty job on two workers costs beyond one wake-up.
-const SEND: Nanos = 4_000;
+/// A conductor wakes one worker: a system call on its side. Assumed, between the 1 µs that such a call takes at least and the 9 µs by which an
+/// empty job on two workers costs more than two wake-ups, where three threads share two CPUs.
+const SEND: Nanos = 2_000;
 /// From there until the worker looks for work, and from the last worker's end until the conductor goes on. Measured: an empty task on one
 /// worker, from outside and back, takes 6 to 7 µs.
 const WAKE: Nanos = 3_300;
