@@ -18,10 +18,9 @@ const FORK: Nanos = 20;
 /// To take a task from a worker of the same node: some cache lines from another core, and a thread that looks around. Measured: a barrier of
 /// two workers, which is as many lines, takes 1.5 to 2.1 µs.
 const STEAL: Nanos = 2_000;
-/// To add to a counter that all share, or to take and leave a lock, when nobody else is at it: one cache line.
+/// To add to a counter that all share, or to take and leave a lock, when nobody else is at it: one cache line. Assumed.
 const LINE: Nanos = 50;
-/// Share of a task's time that goes into memory at its home, when that is near. Assumed, on the high side: on the reference scenes callgrind
-/// sees a last-level miss in one of some thousand instructions.
+/// Share of a task's time that goes into memory at its home, when that is near. Assumed: no counter here tells it.
 const MEMORY_SHARE: f64 = 0.05;
 
 /// Workers on a machine.
