@@ -11,6 +11,7 @@
 //! | [`transport`] | the kernel `K`, Lambert's closed form, emission packets, one emitter–receiver pair |
 //! | [`radiosity`] | elements, push-pull, the state of a solution and its error |
 //! | [`schedule`] | which pair is computed when, and by whom |
+//! | [`study`] | runs over threads and schedules, and replays of recorded runs on other machines |
 //! | [`output`] | meshes, images, reports |
 //! | [`cli`] | arguments → validated plan → commands |
 #![forbid(unsafe_code)]
@@ -21,5 +22,6 @@ pub mod output;
 pub mod radiosity;
 pub mod scene;
 pub mod schedule;
+pub mod study;
 pub mod transport;
 pub mod visibility;

@@ -12,7 +12,7 @@ use glam::DVec3;
 use wavelet_radiosity::math::Basis;
 use wavelet_radiosity::scene::{self, Scene, Surface};
 use wavelet_radiosity::schedule::{
-    Batches, Observer, Options, Outcome, Schedule, Silent, Stage, solve, solve_by,
+    Batches, Observer, Options, Outcome, Part, Schedule, Silent, Stage, solve, solve_by, solve_recorded,
 };
 use wavelet_radiosity::transport::Oracle;
 use wavelet_radiosity::visibility::{Bvh, Occluder, OpaqueFaces, Shaft};
@@ -123,6 +123,31 @@ fn memory_policies_do_not_show_in_the_solution() {
             assert_eq!(copies, expected, "{what}");
             assert!(memory == Memory::Node || footprint.moved == 0, "{what}");
         }
+    }
+}
+
+#[test]
+fn a_record_tells_all_that_was_done_and_changes_nothing() {
+    for (name, batches) in [("cornell-box", Batches::Fitted), ("cornell-box", Batches::Single)] {
+        let room = Room::new(name, Basis::M2, 0.1);
+        let plain = room.solve(None, batches);
+        let (outcome, record) =
+            solve_recorded(batches, &room.scene, &room.surfaces, &room.bvh, &room.options, &mut Silent);
+        assert_same(&outcome, &plain, "recorded");
+        let costs: u64 = record.batches().map(|batch| batch.cost()).sum();
+        assert_eq!(costs, outcome.work.cost(), "every evaluation is in the record");
+        for batch in record.batches() {
+            let has_parts = batch.tasks.iter().filter(|task| task.parts.1 > 0);
+            for task in has_parts {
+                let runs = |part: &Part| if let Part::Run(cost) = part { u64::from(*cost) } else { 0 };
+                let parts = batch.parts_of(task);
+                assert_eq!(parts.iter().map(runs).sum::<u64>(), u64::from(task.cost));
+                assert!(task.chain < task.cost);
+            }
+        }
+        assert!(record.batches().any(|batch| !batch.parts.is_empty()));
+        let most = record.batches().map(|batch| batch.tasks.iter().map(|task| task.chain).max().unwrap_or(0));
+        assert!(most.map(u64::from).sum::<u64>() >= outcome.statistics.longest.chain * 9 / 10);
     }
 }
 

@@ -38,6 +38,8 @@ pub enum Command {
     Generate(GenerateArguments),
     /// Shows the machine and which worker goes where, checked live.
     Topology(TopologyArguments),
+    /// Measures and predicts, and writes what it finds below results/.
+    Study(StudyArguments),
 }
 
 /// What to solve and how finely.
@@ -187,4 +189,62 @@ pub struct GenerateArguments {
     /// Writes the surfaces in random order, so that neighbours in the file are none in space.
     #[arg(long)]
     pub shuffle: bool,
+}
+
+/// Arguments of `wrad study`.
+#[derive(Clone, Debug, Args)]
+pub struct StudyArguments {
+    /// What to study.
+    #[command(subcommand)]
+    pub command: StudyCommand,
+}
+
+/// The studies.
+#[derive(Clone, Debug, Subcommand)]
+pub enum StudyCommand {
+    /// Measures speed-up by schedule and number of threads here, and predicts it for other machines.
+    Speedup(SpeedupArguments),
+}
+
+/// Arguments of `wrad study speedup`.
+#[derive(Clone, Debug, Args)]
+pub struct SpeedupArguments {
+    /// The scene: an Open Inventor or VRML 1.0 file in text form.
+    pub scene: PathBuf,
+    /// How finely.
+    #[command(flatten)]
+    pub accuracy: AccuracyArguments,
+    /// Computes direct illumination only.
+    #[arg(long)]
+    pub direct_only: bool,
+    /// Numbers of threads to measure, such as 1,2,4 [default: powers of two up to the number of cores].
+    #[arg(long, value_name = "N,N,…", allow_negative_numbers = true)]
+    pub threads: Option<String>,
+    /// Schedules: those of wrad solve, and inner-loop-whole, the paper's, which is only predicted. Others than stealing and sequential
+    /// are predicted from a second record, of single shooters.
+    #[arg(long, value_name = "NAME,NAME,…", default_value = "sequential,stealing,inner-loop")]
+    pub schedules: String,
+    /// Repetitions of every run, after one that warms up.
+    #[arg(long, value_name = "R", default_value = "3", allow_negative_numbers = true)]
+    pub repeat: String,
+    /// Which worker on which CPU: compact, scatter, none, or a list of CPUs such as 0,2,4-7.
+    #[arg(long, value_name = "POLICY", default_value = "compact")]
+    pub pin: String,
+    /// Numbers of workers to predict for; those that a machine has no CPUs for are left out.
+    #[arg(
+        long,
+        value_name = "N,N,…",
+        default_value = "1,2,4,8,16,32,36,48,64",
+        allow_negative_numbers = true
+    )]
+    pub predict: String,
+    /// A machine to predict for: an hwloc synthetic description. Repeatable.
+    #[arg(long, value_name = "DESCRIPTION", default_values = ["pack:32 numa:1 core:2 pu:1", "pack:8 numa:1 core:8 pu:1"])]
+    pub machine: Vec<String>,
+    /// Where the results go: DIR/<date>-<host>-<commit>/speedup-<scene>.
+    #[arg(long, value_name = "DIR", default_value = "results")]
+    pub out: PathBuf,
+    /// Prints no tables, no progress and no warnings.
+    #[arg(long)]
+    pub quiet: bool,
 }

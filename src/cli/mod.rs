@@ -19,6 +19,7 @@ mod progress;
 mod render;
 mod report;
 mod solve;
+mod study;
 mod topology;
 mod workers;
 

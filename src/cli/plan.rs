@@ -11,6 +11,7 @@ use crate::transport::Oracle;
 use super::arguments::{Command, InfoArguments, RenderArguments, SolveArguments};
 use super::choice::{choose, positive};
 use super::generate::GeneratePlan;
+use super::study::StudyPlan;
 use super::topology::TopologyPlan;
 use super::workers::{DEFAULT_SCHEDULE, Workers};
 use super::{Arguments, Error, Status, files, info, render, solve};
@@ -31,6 +32,8 @@ pub enum Plan {
     Generate(GeneratePlan),
     /// Show a machine and a plan for it.
     Topology(Box<TopologyPlan>),
+    /// Measure and predict.
+    Study(Box<StudyPlan>),
 }
 
 /// What `wrad solve` will do.
@@ -101,6 +104,7 @@ impl Plan {
             Command::Topology(arguments) => Ok(Plan::Topology(Box::new(TopologyPlan::new(arguments)?))),
             Command::Generate(arguments) => GeneratePlan::new(arguments).map(Plan::Generate),
             Command::Info(InfoArguments { scene }) => Ok(Plan::Info(scene)),
+            Command::Study(arguments) => Ok(Plan::Study(Box::new(StudyPlan::new(arguments)?))),
         }
     }
 
@@ -115,6 +119,7 @@ impl Plan {
             Plan::Topology(plan) => plan.run(),
             Plan::Generate(plan) => plan.run(),
             Plan::Info(scene) => info::run(scene),
+            Plan::Study(plan) => plan.run(),
         }
     }
 }
@@ -176,9 +181,18 @@ fn only_what_exists(arguments: &SolveArguments) -> Result<(), Error> {
 
 /// The basis that `name` stands for. `auto` is M3: on the three reference scenes it takes 0.5 to 1.1 of the time of M2 at every error from
 /// 0.1 to 0.003 and ends nearer to the truth.
-fn basis(name: &str) -> Result<Basis, Error> {
+pub(super) fn basis(name: &str) -> Result<Basis, Error> {
     let bases = [("haar", Basis::Haar), ("m2", Basis::M2), ("m3", Basis::M3), ("auto", Basis::M3)];
     choose("--basis", name, &bases, &[])
+}
+
+/// The name of a basis.
+pub(super) fn basis_name(basis: Basis) -> &'static str {
+    match basis {
+        Basis::Haar => "haar",
+        Basis::M2 => "m2",
+        Basis::M3 => "m3",
+    }
 }
 
 impl RenderPlan {

@@ -6,14 +6,13 @@ use std::time::Instant;
 
 use serde_json::{Value, json};
 
-use crate::math::Basis;
 use crate::output::energy_balance;
 use crate::output::machine::{Machine, peak_memory_bytes};
 use crate::output::report::{Known, Memory, Outcome, Program, Report, SceneFacts, Times, Work};
 use crate::transport::Oracle;
 
 use super::load::Loaded;
-use super::plan::SolvePlan;
+use super::plan::{SolvePlan, basis_name};
 use super::solve::Solved;
 
 /// The report; `start` is when the program started.
@@ -47,11 +46,6 @@ pub(super) fn of_run(
 
 fn options(plan: &SolvePlan, solved: &Solved) -> BTreeMap<String, Value> {
     let path = |path: &Path| path.to_string_lossy().into_owned();
-    let basis = match plan.options.basis {
-        Basis::Haar => "haar",
-        Basis::M2 => "m2",
-        Basis::M3 => "m3",
-    };
     let oracle = match plan.options.oracle {
         Oracle::Energy => json!("energy"),
         Oracle::Geometry => json!("geometry"),
@@ -60,7 +54,7 @@ fn options(plan: &SolvePlan, solved: &Solved) -> BTreeMap<String, Value> {
     let pairs = [
         ("scene", json!(path(&plan.scene))),
         ("error", json!(plan.options.error)),
-        ("basis", json!(basis)),
+        ("basis", json!(basis_name(plan.options.basis))),
         ("method", json!("shoot")),
         ("links", json!("recompute")),
         ("oracle", oracle),

@@ -42,7 +42,7 @@ impl Workers {
     /// # Errors
     /// [`Error::Input`]: an unknown name, more workers than CPUs to pin them to, or a worker for a schedule that has none.
     pub fn new(schedule: &str, threads: Option<&str>, pin: Option<&str>) -> Result<Self, Error> {
-        let (schedule, on_team, batches) = choose("--schedule", schedule, &SCHEDULES, &PLANNED)?;
+        let (schedule, on_team, batches) = self::schedule("--schedule", schedule)?;
         let plan = if on_team { Some(plan(threads, pin)?) } else { None };
         if !on_team {
             let needless = |option, given: Option<&str>, only| match given {
@@ -97,6 +97,14 @@ impl Workers {
     pub fn policy(&self) -> String {
         self.plan.as_ref().map_or(Policy::None, |plan| plan.policy.clone()).to_string()
     }
+}
+
+/// The schedule of this name: its name, whether a team runs it, and how many surfaces shoot at once.
+///
+/// # Errors
+/// [`Error::Input`]: this version has none of that name.
+pub(super) fn schedule(option: &str, name: &str) -> Result<(&'static str, bool, Batches), Error> {
+    choose(option, name, &SCHEDULES, &PLANNED)
 }
 
 fn plan(threads: Option<&str>, pin: Option<&str>) -> Result<ccnuma::Plan, Error> {

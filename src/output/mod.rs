@@ -13,6 +13,7 @@ pub mod mesh;
 mod ply;
 pub mod report;
 pub mod solution_file;
+pub mod study;
 mod summary;
 mod tiling;
 pub mod units;

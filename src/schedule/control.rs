@@ -20,6 +20,7 @@ use super::copies::Copies;
 use super::crew::Crew;
 use super::footprint::Footprint;
 use super::pass::{Pass, PassStatistics};
+use super::record::Record;
 use super::watch::{Observer, Watch, observed};
 
 /// Share of the error that links may use.
@@ -110,11 +111,44 @@ pub fn solve_by(
     options: &Options,
     observer: &mut dyn Observer,
 ) -> Result<Outcome, WorkerPanic> {
-    observed(observer, |watch| match scene.bands.len() {
-        1 => Run::<1>::new(scene, surfaces, occluder, options).solve(schedule, watch),
-        2 => Run::<2>::new(scene, surfaces, occluder, options).solve(schedule, watch),
-        _ => Run::<3>::new(scene, surfaces, occluder, options).solve(schedule, watch),
+    observed(observer, |watch| {
+        let mut crew = Crew::new(schedule.team, schedule.memory, surfaces)?;
+        let occluders = crew.copy(occluder.bytes(), || occluder.replica())?;
+        let means = Means { batches: schedule.batches, crew: &mut crew, occluders, watch };
+        solve_in_bands(scene, surfaces, occluder, options, means)
     })
+}
+
+/// As [`solve`], with a record of what was done.
+pub fn solve_recorded(
+    batches: Batches,
+    scene: &Scene,
+    surfaces: &[Surface],
+    occluder: &dyn Occluder,
+    options: &Options,
+    observer: &mut dyn Observer,
+) -> (Outcome, Record) {
+    let solved = observed(observer, |watch| {
+        let mut crew = Crew::recording(surfaces);
+        let means = Means { batches, crew: &mut crew, occluders: Copies::none(), watch };
+        let outcome = solve_in_bands(scene, surfaces, occluder, options, means)?;
+        Ok((outcome, crew.into_record().unwrap_or_default()))
+    });
+    solved.unwrap_or_else(|panic: WorkerPanic| unreachable!("there is no team, and yet {panic}"))
+}
+
+fn solve_in_bands(
+    scene: &Scene,
+    surfaces: &[Surface],
+    occluder: &dyn Occluder,
+    options: &Options,
+    means: Means<'_, '_, '_>,
+) -> Result<Outcome, WorkerPanic> {
+    match scene.bands.len() {
+        1 => Run::<1>::new(scene, surfaces, occluder, options).solve(means),
+        2 => Run::<2>::new(scene, surfaces, occluder, options).solve(means),
+        _ => Run::<3>::new(scene, surfaces, occluder, options).solve(means),
+    }
 }
 
 struct Run<'a, const N: usize> {
@@ -131,9 +165,9 @@ struct Run<'a, const N: usize> {
 }
 
 /// Who works, how, and who is told.
-struct Means<'t, 'w> {
+struct Means<'c, 't, 'w> {
     batches: Batches,
-    crew: Crew<'t>,
+    crew: &'c mut Crew<'t>,
     /// Copies of the visibility structure near the workers.
     occluders: Copies<Box<dyn Occluder + Send>>,
     watch: &'w Watch,
@@ -174,10 +208,8 @@ impl<'a, const N: usize> Run<'a, N> {
         }
     }
 
-    fn solve(&self, schedule: Schedule<'_>, watch: &Watch) -> Result<Outcome, WorkerPanic> {
-        let mut crew = Crew::new(schedule.team, schedule.memory, self.surfaces)?;
-        let occluders = crew.copy(self.occluder.bytes(), || self.occluder.replica())?;
-        let mut means = Means { batches: schedule.batches, crew, occluders, watch };
+    fn solve(&self, mut means: Means<'_, '_, '_>) -> Result<Outcome, WorkerPanic> {
+        let watch = means.watch;
         let target = self.options.error;
         let mut work = Work::default();
         let pilot_error = (4.0 * target).clamp(0.02, 0.3);
@@ -260,7 +292,7 @@ impl<'a, const N: usize> Run<'a, N> {
         trees: &mut [Tree<N>],
         threshold_w_m: f64,
         allowed_w_m: f64,
-        means: &mut Means<'_, '_>,
+        means: &mut Means<'_, '_, '_>,
     ) -> Result<Attempt, WorkerPanic> {
         let root_area = self.area_m2.sqrt();
         let rules = Rules {
@@ -281,7 +313,7 @@ impl<'a, const N: usize> Run<'a, N> {
             prune_w_m2: 0.02 * allowed_w_m / root_area,
             batches: means.batches,
         };
-        let statistics = pass.run(trees, &mut means.crew, means.watch)?;
+        let statistics = pass.run(trees, means.crew, means.watch)?;
         let squares = means.crew.map(trees, |_| true, |tree| tree.reflected_norm_squared())?;
         let unseen = (0.01 / self.options.error).max(1.0).powf(UNSEEN_GROWTH);
         let calibration = LINK_CALIBRATION.0 * (LINK_CALIBRATION.1 * self.gain).hypot(1.0) * unseen;
@@ -301,7 +333,7 @@ impl<'a, const N: usize> Run<'a, N> {
         mut trees: Vec<Tree<N>>,
         work: Work,
         passes: usize,
-        mut means: Means<'_, '_>,
+        means: Means<'_, '_, '_>,
     ) -> Result<Outcome, WorkerPanic> {
         let statistics = attempt.statistics;
         let error = attempt.link_error.hypot(attempt.unshot_error);

@@ -24,7 +24,8 @@ pub(super) struct Copies<T> {
 }
 
 impl<T> Copies<T> {
-    fn none() -> Self {
+    /// All read the original.
+    pub fn none() -> Self {
         Self { copies: Vec::new(), of_node: Vec::new() }
     }
 

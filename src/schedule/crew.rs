@@ -17,6 +17,7 @@ use crate::scene::Surface;
 use crate::transport::{Alone, Half, Helpers, Scratch};
 
 use super::homes::{along_the_curve, homes, imbalance};
+use super::record::{Record, Recorder};
 
 /// Homes are given anew where the busiest node's workers would have that much less work after it. What is gained is small below, and
 /// trees that move are copied.
@@ -50,6 +51,8 @@ pub(super) struct Crew<'t> {
 
 pub(super) enum Hands<'t> {
     Alone(Box<(Scratch, Arena)>),
+    /// One thread that keeps a record.
+    Recording(Box<(Scratch, Arena, Recorder)>),
     Team(&'t mut Team, PerWorker<Kit>),
 }
 
@@ -136,6 +139,32 @@ impl<'t> Crew<'t> {
         Ok(Self { hands, memory, homes, moved: 0, order, costs: work.clone(), work })
     }
 
+    /// One thread that lights these surfaces and keeps a record.
+    pub fn recording(surfaces: &[Surface]) -> Self {
+        let order = along_the_curve(surfaces);
+        let along = order.iter().map(|surface| *surface as u32).collect();
+        let recorder = Recorder::new(along, surfaces.iter().map(|surface| surface.area_m2).collect());
+        let own = Box::new((Scratch::default(), Arena::new(Backend::Malloc), recorder));
+        let none = vec![0; surfaces.len()];
+        Self {
+            hands: Hands::Recording(own),
+            memory: Memory::Malloc,
+            homes: vec![0; surfaces.len()],
+            moved: 0,
+            order,
+            costs: none.clone(),
+            work: none,
+        }
+    }
+
+    /// The record of the run that is now over, where one was kept.
+    pub fn into_record(self) -> Option<Record> {
+        match self.hands {
+            Hands::Recording(own) => Some(own.2.finish()),
+            Hands::Alone(_) | Hands::Team(..) => None,
+        }
+    }
+
     /// Makes every surface's tree, dark, at its home.
     pub fn grow<const N: usize>(
         &mut self,
@@ -149,6 +178,9 @@ impl<'t> Crew<'t> {
     /// Gives every tree a home by the work since the last time, where that leaves nodes much less unequal, and moves trees to theirs.
     pub fn settle<const N: usize>(&mut self, trees: &mut [Tree<N>]) -> Result<(), WorkerPanic> {
         let work = std::mem::replace(&mut self.work, vec![0; trees.len()]);
+        if let Hands::Recording(own) = &mut self.hands {
+            own.2.settle();
+        }
         let Hands::Team(team, _) = &self.hands else { return Ok(()) };
         let staff = staff(team);
         let new = homes(&self.order, &work, &staff);
@@ -190,6 +222,14 @@ impl<'t> Crew<'t> {
             Hands::Alone(own) => {
                 let (scratch, arena) = &mut **own;
                 trees.iter_mut().for_each(|tree| task(tree, scratch, &Alone(arena), 0));
+            }
+            Hands::Recording(own) => {
+                let (scratch, arena, recorder) = &mut **own;
+                recorder.batch(arena, trees.iter_mut(), |tree, helpers| {
+                    let before = (tree.work.cost(), tree.span);
+                    task(tree, scratch, helpers, 0);
+                    (tree.work.cost() - before.0, tree.span - before.1)
+                });
             }
             Hands::Team(team, kits) => {
                 let (homes, costs, kits) = (&self.homes, &self.costs, &*kits);
@@ -234,6 +274,10 @@ impl<'t> Crew<'t> {
     ) -> Result<Vec<R>, WorkerPanic> {
         match &mut self.hands {
             Hands::Alone(own) => Ok(items.into_iter().map(|mut item| each(&mut item, &own.1)).collect()),
+            Hands::Recording(own) => {
+                let (_, arena, recorder) = &mut **own;
+                Ok(recorder.map(items.into_iter(), |mut item| each(&mut item, arena)))
+            }
             Hands::Team(team, kits) => {
                 let kits = &*kits;
                 let with_home = |item: T| (self.homes[surface(&item)], item, None);

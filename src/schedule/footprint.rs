@@ -88,6 +88,7 @@ impl Crew<'_> {
         }
         let mut count = PageCount::default();
         match &mut self.hands {
+            Hands::Recording(_) => {}
             Hands::Alone(own) => count.add(&own.1.count_pages().map_err(|error| error.to_string())?),
             Hands::Team(_, kits) => {
                 for kit in kits.iter_mut() {

@@ -16,11 +16,15 @@ mod copies;
 mod crew;
 mod footprint;
 pub mod homes;
+mod parts;
 pub mod pass;
+pub mod record;
 mod watch;
 
 pub use batch::Batches;
-pub use control::{Options, Outcome, Schedule, solve, solve_by};
+pub use control::{Options, Outcome, Schedule, solve, solve_by, solve_recorded};
 pub use crew::Longest;
 pub use footprint::Footprint;
+pub use parts::Part;
+pub use record::Record;
 pub use watch::{Observer, Silent, Stage};

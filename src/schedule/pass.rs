@@ -86,14 +86,7 @@ impl<const N: usize> Pass<'_, N> {
             .filter(|tree| tree.exitance_w_m2.iter().any(|m| *m > 0.0))
             .map(Tree::exitance_packet)
             .collect();
-        watch.batch(0.0, 1.0, trees.len());
-        self.shoot(
-            &Batch { lamps: self.lamps, packets: &emitters, clusters: None },
-            trees,
-            crew,
-            watch,
-            &mut statistics,
-        )?;
+        self.shoot_known(self.lamps, &emitters, 1.0, trees, crew, watch, &mut statistics)?;
         statistics.direct = take_work(trees);
         statistics.first_reflection_w = unshot_w(trees);
         statistics.direct_s = start.elapsed().as_secs_f64();
@@ -156,14 +149,7 @@ impl<const N: usize> Pass<'_, N> {
                     shot_w[n] += packet.nodes[0].coefficients[0][n] * trees[packet.surface as usize].area_m2;
                 }
             }
-            watch.batch(0.0, REFLECTED_SHARE, trees.len());
-            self.shoot(
-                &Batch { lamps: &[], packets: reflected, clusters: None },
-                trees,
-                crew,
-                watch,
-                statistics,
-            )?;
+            self.shoot_known(&[], reflected, REFLECTED_SHARE, trees, crew, watch, statistics)?;
             crew.map(trees, |_| true, Tree::measure_unshot)?;
             done = REFLECTED_SHARE;
         }
@@ -194,6 +180,35 @@ impl<const N: usize> Pass<'_, N> {
                 statistics,
             )?;
         }
+    }
+
+    /// Shoots sources that are all known at the start of a stage; they take it to this share.
+    #[allow(clippy::too_many_arguments)]
+    fn shoot_known(
+        &self,
+        lamps: &[Lamp<N>],
+        packets: &[Packet<N>],
+        share: f64,
+        trees: &mut [Tree<N>],
+        crew: &mut Crew<'_>,
+        watch: &Watch,
+        statistics: &mut PassStatistics,
+    ) -> Result<(), WorkerPanic> {
+        let none: &[Packet<N>] = &[];
+        let batches: Vec<Batch<'_, N>> = match self.batches {
+            Batches::Fitted => vec![Batch { lamps, packets, clusters: None }],
+            Batches::Single => {
+                let lamps = lamps.chunks(1).map(|lamps| Batch { lamps, packets: none, clusters: None });
+                let packets = packets.chunks(1).map(|packets| Batch { lamps: &[], packets, clusters: None });
+                lamps.chain(packets).collect()
+            }
+        };
+        let count = batches.len() as f64;
+        for (i, batch) in batches.iter().enumerate() {
+            watch.batch(share * i as f64 / count, share * (i + 1) as f64 / count, trees.len());
+            self.shoot(batch, trees, crew, watch, statistics)?;
+        }
+        Ok(())
     }
 
     fn shoot(

@@ -86,6 +86,8 @@ struct Region {
 struct WorkerCounters {
     open: RefCell<ThreadCounters>,
     regions: RefCell<BTreeMap<&'static str, Region>>,
+    /// What stood on the counters when a span began.
+    begun: RefCell<Counts>,
 }
 
 /// The counters of a team.
@@ -101,6 +103,7 @@ impl Counters {
         let workers = PerWorker::new(team, |_| WorkerCounters {
             open: RefCell::new(ThreadCounters::open(&group)),
             regions: RefCell::default(),
+            begun: RefCell::default(),
         })?;
         Ok(Self { group, workers })
     }
@@ -114,6 +117,26 @@ impl Counters {
         let after = counters.open.borrow_mut().read();
         counters.regions.borrow_mut().entry(name).or_default().add(&before, &after);
         result
+    }
+
+    /// Counts what all workers do in `body`, which has the team to itself: the waits of its jobs included.
+    pub fn span<R>(
+        &self,
+        team: &mut Team,
+        name: &'static str,
+        body: impl FnOnce(&mut Team) -> R,
+    ) -> Result<R, WorkerPanic> {
+        team.run(|worker| {
+            let counters = self.workers.local(worker);
+            *counters.begun.borrow_mut() = counters.open.borrow_mut().read();
+        })?;
+        let result = body(team);
+        team.run(|worker| {
+            let counters = self.workers.local(worker);
+            let after = counters.open.borrow_mut().read();
+            counters.regions.borrow_mut().entry(name).or_default().add(&counters.begun.borrow(), &after);
+        })?;
+        Ok(result)
     }
 
     /// What was counted so far, by region and worker.
@@ -224,8 +247,12 @@ mod tests {
             }
         })
         .unwrap();
+        let length =
+            counters.span(&mut team, "span", |team| team.run(|worker| worker.index()).unwrap().len());
+        assert_eq!(length, Ok(team.len()));
         let report = counters.report();
         assert_eq!(report.workers.len(), team.len());
+        assert_eq!(report.total["span"].entered, team.len() as u64);
         let total = &report.total["fill"];
         assert_eq!(total.entered, 3 * team.len() as u64);
         for (name, reading) in total.events.iter().chain(&total.metrics) {
