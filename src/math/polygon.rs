@@ -76,9 +76,10 @@ pub fn nearest_on_boundary(polygon: &[DVec2], point: DVec2, metric: impl Fn(DVec
 
 /// `∫ φ_a` over the polygon given in a cell's own unit square, for every function of `basis`; `[0]` is its signed area.
 ///
-/// By Green's theorem on the triangles spanned by the origin and each edge, each integrated exactly by a collapsed Gauss rule.
+/// By Green's theorem on the triangles spanned by the first corner and each edge, each integrated exactly by a collapsed Gauss rule: functions
+/// of `k` by `k` reach degree `2k − 2`, with the Jacobian `2k − 1`.
 pub fn moments(polygon: &[DVec2], basis: Basis) -> [f64; MAX_FUNCTIONS] {
-    let (nodes, weights) = gauss(4);
+    let (nodes, weights) = gauss(basis.order());
     let anchor = polygon.first().copied().unwrap_or_default();
     let mut sums = [0.0; MAX_FUNCTIONS];
     for (a, b) in edges(polygon) {
@@ -91,8 +92,9 @@ pub fn moments(polygon: &[DVec2], basis: Basis) -> [f64; MAX_FUNCTIONS] {
                 // Collapsed square: the point anchor + s((1 − t)a + t b), Jacobian s.
                 let point = anchor + *s * (a - anchor + *t * (b - a));
                 let values = basis.evaluate(point);
-                for (sum, value) in sums.iter_mut().zip(values) {
-                    *sum += jacobian * s * ws * wt * value;
+                let weight = jacobian * s * ws * wt;
+                for (sum, value) in sums[..basis.len()].iter_mut().zip(values) {
+                    *sum += weight * value;
                 }
             }
         }
