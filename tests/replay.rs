@@ -43,7 +43,7 @@ fn sleep(seconds: f64) {
     LATE.set(start.elapsed().as_secs_f64() - wanted);
 }
 
-/// Does the parts of a task as a receiver's tree is visited: halves are offered where nothing else is.
+/// Does the parts of a task as a receiver's tree is visited.
 fn perform(worker: &Worker, mut parts: &[Part], scale: f64) {
     while let [part, rest @ ..] = parts {
         match *part {
@@ -54,12 +54,7 @@ fn perform(worker: &Worker, mut parts: &[Part], scale: f64) {
             Part::Fork { first, second } => {
                 let (first, rest) = rest.split_at(first as usize);
                 let (second, after) = rest.split_at(second as usize);
-                if worker.has_no_offers() {
-                    worker.join(|w| perform(w, first, scale), |w| perform(w, second, scale));
-                } else {
-                    perform(worker, first, scale);
-                    perform(worker, second, scale);
-                }
+                worker.join(|w| perform(w, first, scale), |w| perform(w, second, scale));
                 parts = after;
             }
         }

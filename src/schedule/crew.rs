@@ -88,7 +88,7 @@ impl Helpers for Here<'_> {
     }
 
     fn wanted(&self) -> bool {
-        self.worker.has_no_offers()
+        self.worker.plan().slots.len() > 1
     }
 
     fn both(&self, scratch: &mut Scratch, first: Half<'_>, second: Half<'_>) {

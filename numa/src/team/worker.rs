@@ -92,12 +92,6 @@ impl Worker {
         self.shared.id
     }
 
-    /// Whether nothing is left that this worker has offered to others: the moment at which splitting its work pays.
-    #[inline]
-    pub fn has_no_offers(&self) -> bool {
-        self.queue.is_empty()
-    }
-
     /// Calls `f` with the worker that the calling thread is, for code that is not handed one.
     pub fn with_current<R>(f: impl FnOnce(&Self) -> R) -> Result<R, NotAWorker> {
         let worker = CURRENT.get();

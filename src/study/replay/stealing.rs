@@ -1,6 +1,6 @@
 //! One batch as a stealing team runs it, replayed event by event (`schedule::crew` and `ccnuma`'s team): items go to the inboxes of their home
-//! nodes, the costliest first, one range per worker; a range, and a task at its forks, offers half of itself whenever its worker has nothing
-//! else on offer; who has nothing to do takes the oldest offer of the nearest.
+//! nodes, the costliest first, one range per worker; a range offers half of itself whenever its worker has nothing else on offer, a task at each
+//! of its forks; who has nothing to do takes the oldest offer of the nearest.
 
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, VecDeque};
@@ -149,11 +149,7 @@ impl Replay<'_, '_> {
                         let after = middle + second as usize;
                         self.stacks[worker].push(Frame::Parts(item, after, end));
                         let second = Frame::Parts(item, middle, after);
-                        if self.offers[worker].is_empty() {
-                            self.offer(worker, now, second);
-                        } else {
-                            self.stacks[worker].push(second);
-                        }
+                        self.offer(worker, now, second);
                         self.stacks[worker].push(Frame::Parts(item, at + 1, middle));
                     }
                 },
