@@ -215,7 +215,8 @@ fn time_adds_up() {
 fn waits_for_locks_and_notifications_are_told_apart() {
     let mut team = simulated("core:2 pu:1", 2);
     let (count, woken) = (Mutex::new(0), Condvar::new());
-    let value = Deferred::new(0, |value: &mut i32, more: i32| *value += more);
+    let value = Deferred::new(0);
+    let add = |value: &mut i32, more: i32| *value += more;
     let nap = std::time::Duration::from_millis(20);
     let arrive = |worker: &Worker| {
         *worker.lock(&count) += 1;
@@ -229,7 +230,7 @@ fn waits_for_locks_and_notifications_are_told_apart() {
     };
     team.run(|worker| match worker.index() {
         0 => {
-            let held = value.lock();
+            let held = value.lock(add);
             arrive(worker);
             wait_for(worker, 2);
             std::thread::sleep(nap);
@@ -237,14 +238,14 @@ fn waits_for_locks_and_notifications_are_told_apart() {
         }
         _ => {
             wait_for(worker, 1);
-            assert!(value.try_lock().is_none());
+            assert!(value.try_lock(add).is_none());
             worker.defer(&value, 1);
             arrive(worker);
-            *worker.lock_deferred(&value) *= 10;
+            *worker.lock_deferred(&value, add) *= 10;
         }
     })
     .unwrap();
-    assert_eq!(*value.lock(), 10, "the lock's next holder found what was left");
+    assert_eq!(*value.lock(add), 10, "the lock's next holder found what was left");
     let other = team.times()[1];
     assert!(other.lock_waits >= 1 && other.lock_s > 0.5 * nap.as_secs_f64(), "{other:?}");
     assert_eq!(other.deferrals, 1);

@@ -130,9 +130,14 @@ impl Worker {
         }
     }
 
-    /// As [`Worker::lock`], for a value with contributions, which are merged.
-    pub fn lock_deferred<'m, T, D>(&self, deferred: &'m Deferred<T, D>) -> Held<'m, T> {
-        deferred.try_lock().unwrap_or_else(|| self.waiting_for_lock(|| deferred.lock()))
+    /// As [`Worker::lock`], for a value with contributions: `merge` is given them.
+    pub fn lock_deferred<'m, T, D>(
+        &self,
+        deferred: &'m Deferred<T, D>,
+        mut merge: impl FnMut(&mut T, D),
+    ) -> Held<'m, T> {
+        let free = deferred.try_lock(&mut merge);
+        free.unwrap_or_else(|| self.waiting_for_lock(|| deferred.lock(merge)))
     }
 
     /// Leaves a contribution, and counts it.
