@@ -100,8 +100,8 @@ fn wrong_usage_ends_with_2_says_what_is_available_and_writes_nothing() {
             "--visibility bsp: not available in this version of wrad; available: bvh, none",
         ),
         (
-            "solve box.iv --schedule outer-loop",
-            "--schedule outer-loop: not available in this version of wrad; available: sequential, inner-loop, stealing",
+            "solve box.iv --schedule inner-loop+lure",
+            "--schedule inner-loop+lure: inner-loop locks no receiver, so there is nothing to lure; +lure goes with single-queue and outer-loop",
         ),
         ("solve box.iv --schedule fast", "--schedule fast: there is no such value"),
         ("solve box.iv --threads 0", "--threads 0: expected a number of workers, at least 1"),
@@ -247,8 +247,12 @@ fn equal_runs_give_equal_bytes() {
 #[test]
 fn schedules_differ_in_who_works_only_and_the_report_says_who_did() {
     let place = Place::new();
-    let cases =
-        [("sequential", "", 1), ("stealing", "--threads 3 --pin none", 3), ("stealing", "--threads 1", 1)];
+    let cases = [
+        ("sequential", "", 1),
+        ("stealing", "--threads 3 --pin none", 3),
+        ("stealing", "--threads 1", 1),
+        ("outer-loop+lure", "--threads 3 --pin none", 3),
+    ];
     for (schedule, workers, count) in cases {
         let results = format!("--out {schedule}{count}.wrad --report a.json --quiet");
         let (code, _, err) =
@@ -270,6 +274,7 @@ fn schedules_differ_in_who_works_only_and_the_report_says_who_did() {
                 .map(|of| seconds(worker, of))
                 .sum();
             assert!((spent - time).abs() < 0.1 * time, "{worker} in {time} s");
+            assert!(worker["lock_waits"].is_u64() && worker["lures"].is_u64(), "{worker}");
         }
         let work = |of: &str| report["work"][of].as_f64().unwrap();
         let (receiver, chain) = (work("longest_receivers"), work("longest_chains"));

@@ -1,5 +1,5 @@
-//! Schedules against the sequential one: the same solution bit by bit, whoever worked, on however many workers and nodes; what fails, and who
-//! is told.
+//! Schedules against the sequential one: the same solution bit by bit, whoever worked, on however many workers and nodes, or for those that
+//! lock receivers, one as good; what fails, and who is told.
 
 use std::path::Path;
 use std::sync::atomic::AtomicU64;
@@ -8,11 +8,12 @@ use std::thread::{self, ThreadId};
 
 use ccnuma::arena::Memory;
 use ccnuma::{Machine, Plan, Policy, Team};
-use glam::DVec3;
-use wavelet_radiosity::math::Basis;
+use glam::{DVec2, DVec3};
+use wavelet_radiosity::math::{Basis, polygon};
 use wavelet_radiosity::scene::{self, Scene, Surface};
 use wavelet_radiosity::schedule::{
-    Batches, Observer, Options, Outcome, Part, Schedule, Silent, Stage, solve, solve_by, solve_recorded,
+    Batches, Observer, Options, Outcome, Part, Schedule, Silent, Stage, Walks, solve, solve_by,
+    solve_recorded,
 };
 use wavelet_radiosity::transport::Oracle;
 use wavelet_radiosity::visibility::{Bvh, Occluder, OpaqueFaces, Shaft};
@@ -76,7 +77,7 @@ fn every_schedule_gives_the_same_bits(room: &Room) {
     let fitted = room.solve(None, Batches::Fitted);
     let single = room.solve(None, Batches::Single);
     assert!(fitted.elements > 2 * room.surfaces.len() as u64 && fitted.passes > 1);
-    for workers in [1, 2, 3, 5, 8] {
+    for workers in [1, 2, 3, 5, 8, 16] {
         let mut team = team(workers);
         let what = |name| format!("{name} on {workers} workers");
         assert_same(&room.solve(Some(&mut team), Batches::Fitted), &fitted, &what("stealing"));
@@ -151,6 +152,92 @@ fn a_record_tells_all_that_was_done_and_changes_nothing() {
     }
 }
 
+/// The schedules that lock receivers.
+const LOCKING: [Walks; 4] = [
+    Walks { together: true, lure: false },
+    Walks { together: true, lure: true },
+    Walks { together: false, lure: false },
+    Walks { together: false, lure: true },
+];
+
+/// `‖B − B'‖ / ‖B'‖` of reflected radiosity, at 32 × 32 points a surface.
+fn distance(room: &Room, found: &Outcome, expected: &Outcome) -> f64 {
+    let (mut difference, mut norm) = (0.0, 0.0);
+    let bands = room.scene.bands.len();
+    let (mut a, mut b) = (vec![0.0; bands], vec![0.0; bands]);
+    for (index, surface) in room.surfaces.iter().enumerate() {
+        for point in 0..32 * 32 {
+            let uv = (DVec2::new((point % 32) as f64, (point / 32) as f64) + 0.5) / 32.0;
+            if !surface.full && !polygon::contains(&surface.outline, uv) {
+                continue;
+            }
+            found.solution.fields[index].irradiance(uv, &mut a);
+            expected.solution.fields[index].irradiance(uv, &mut b);
+            for band in 0..bands {
+                let weight = surface.frame.area_m2 * surface.reflectance[band].powi(2);
+                difference += weight * (a[band] - b[band]).powi(2);
+                norm += weight * b[band].powi(2);
+            }
+        }
+    }
+    (difference / norm).sqrt()
+}
+
+/// Solves with receivers locked on several teams: one worker shoots in sequence, more of them find a solution within the error for hardly more
+/// work.
+fn every_locking_schedule_is_as_good(room: &Room) {
+    let single = room.solve(None, Batches::Single);
+    let error = room.options.error;
+    for walks in LOCKING {
+        for team in [None, Some(&mut team(1))] {
+            let alone = room.solve(team, Batches::None(walks));
+            assert_eq!(alone.work, single.work, "{walks:?}");
+            assert!(bits(&alone) == bits(&single), "{walks:?} on one worker is shooting in sequence");
+        }
+        for workers in [3, 16] {
+            let mut team = team(workers);
+            let found = room.solve(Some(&mut team), Batches::None(walks));
+            let distance = distance(room, &found, &single);
+            let lures: u64 = team.times().iter().map(|times| times.deferrals).sum();
+            let interactions = found.work.interactions as f64 / single.work.interactions as f64;
+            let cost = found.work.cost() as f64 / single.work.cost() as f64;
+            println!(
+                "{walks:?} on {workers}: {:.3} % off, {} against {} shots in the last pass, {cost:.3} of the cost, \
+                 {interactions:.3} of the interactions, {lures} lures",
+                100.0 * distance,
+                found.statistics.shots,
+                single.statistics.shots,
+            );
+            assert!(distance < 0.5 * error, "{walks:?} on {workers}: {distance}");
+            assert!(cost < 1.25 && interactions < 1.8, "{walks:?} on {workers}: {cost}, {interactions}");
+            assert!(found.solution.error_estimate <= 1.01 * error, "{walks:?} on {workers}");
+            assert!(!found.solution.incomplete && (lures == 0 || walks.lure));
+        }
+    }
+}
+
+#[test]
+fn locking_schedules_solve_the_cornell_box_within_the_error() {
+    every_locking_schedule_is_as_good(&Room::new("cornell-box", Basis::M3, 0.1));
+}
+
+#[test]
+fn locking_schedules_solve_the_furnished_room_within_the_error() {
+    every_locking_schedule_is_as_good(&Room::new("furnished-room", Basis::M2, 0.15));
+}
+
+#[test]
+fn direct_light_adds_up_whoever_locks() {
+    let mut room = Room::new("furnished-room", Basis::M2, 0.1);
+    room.options.direct_only = true;
+    let single = room.solve(None, Batches::Single);
+    for walks in LOCKING {
+        let found = room.solve(Some(&mut team(4)), Batches::None(walks));
+        assert_eq!(found.statistics.shots, single.statistics.shots, "each light once, {walks:?}");
+        assert!(distance(&room, &found, &single) < 0.5 * room.options.error, "{walks:?}");
+    }
+}
+
 /// Answers as the hierarchy does, and disturbs every so many questions.
 struct Disturbed<'a, F> {
     bvh: &'a Bvh,
@@ -181,17 +268,21 @@ impl<F: Fn(u64) + Sync> Occluder for Disturbed<'_, F> {
     }
 }
 
+/// Sleeps or yields now and then.
+fn delay(n: u64) {
+    match n.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 60 {
+        0 => thread::sleep(std::time::Duration::from_micros(n % 300)),
+        1..4 => thread::yield_now(),
+        _ => {}
+    }
+}
+
 #[test]
 fn delays_do_not_show_in_the_solution() {
     let room = Room::new("cornell-box", Basis::M2, 0.2);
     let expected = room.solve(None, Batches::Fitted);
-    let disturb = |n: u64| match n.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 60 {
-        0 => thread::sleep(std::time::Duration::from_micros(n % 300)),
-        1..4 => thread::yield_now(),
-        _ => {}
-    };
     for seed in 0..4 {
-        let late = Disturbed { bvh: &room.bvh, asked: AtomicU64::new(seed), disturb };
+        let late = Disturbed { bvh: &room.bvh, asked: AtomicU64::new(seed), disturb: delay };
         let mut team = team(3);
         let schedule = Schedule { team: Some(&mut team), ..Schedule::default() };
         let found =
@@ -201,12 +292,39 @@ fn delays_do_not_show_in_the_solution() {
 }
 
 #[test]
+fn locks_and_lures_bear_delays() {
+    let room = Room::new("cornell-box", Basis::M2, 0.2);
+    let single = room.solve(None, Batches::Single);
+    for (seed, walks) in (0..3).flat_map(|seed| LOCKING.map(|walks| (seed, walks))) {
+        let late = Disturbed { bvh: &room.bvh, asked: AtomicU64::new(seed), disturb: delay };
+        // More workers than receivers: most find what they want locked.
+        let mut team = team(12);
+        let schedule =
+            Schedule { team: Some(&mut team), batches: Batches::None(walks), ..Schedule::default() };
+        let found =
+            solve_by(schedule, &room.scene, &room.surfaces, &late, &room.options, &mut Silent).unwrap();
+        let distance = distance(&room, &found, &single);
+        assert!(distance < 0.5 * room.options.error, "{walks:?}, seed {seed}: {distance}");
+        let times = team.times();
+        let (lures, waits) =
+            times.iter().fold((0, 0), |(lures, waits), t| (lures + t.deferrals, waits + t.lock_waits));
+        assert_eq!(lures > 0, walks.lure, "{walks:?}");
+        assert!(waits > 0 || walks.lure, "{walks:?}");
+    }
+}
+
+#[test]
 fn a_panic_names_its_worker_and_the_team_goes_on() {
+    panics_under(Batches::Fitted);
+    LOCKING.into_iter().for_each(|walks| panics_under(Batches::None(walks)));
+}
+
+fn panics_under(batches: Batches) {
     let room = Room::new("cornell-box", Basis::M2, 0.2);
     let mut team = team(3);
     let failing = |n| assert!(n != 100, "shaft {n} fails on purpose");
     let occluder = Disturbed { bvh: &room.bvh, asked: AtomicU64::new(0), disturb: failing };
-    let schedule = Schedule { team: Some(&mut team), ..Schedule::default() };
+    let schedule = Schedule { team: Some(&mut team), batches, ..Schedule::default() };
     let panic = solve_by(schedule, &room.scene, &room.surfaces, &occluder, &room.options, &mut Silent)
         .err()
         .expect("the panic reaches the caller");
@@ -255,10 +373,12 @@ impl Observer for Notes {
 #[test]
 fn the_observer_is_told_on_its_own_thread_and_may_stop_the_workers() {
     let room = Room::new("cornell-box", Basis::M2, 0.02);
-    for stop_in in [Stage::Direct, Stage::Interreflection] {
+    let all = [Batches::Fitted].into_iter().chain(LOCKING.map(Batches::None));
+    let stages = [Stage::Direct, Stage::Interreflection];
+    for (batches, stop_in) in all.flat_map(|batches| stages.map(|stage| (batches, stage))) {
         let mut team = team(2);
         let mut notes = Notes::new(Some(stop_in));
-        let schedule = Schedule { team: Some(&mut team), ..Schedule::default() };
+        let schedule = Schedule { team: Some(&mut team), batches, ..Schedule::default() };
         let outcome =
             solve_by(schedule, &room.scene, &room.surfaces, &room.bvh, &room.options, &mut notes).unwrap();
         assert!(outcome.solution.incomplete, "stopped in {stop_in:?}");

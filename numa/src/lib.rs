@@ -11,6 +11,7 @@
 //! | [`pages`] | ranges of pages on chosen nodes, and where pages are |
 //! | [`arena`] | typed bump arenas on them, with handles that own what they point to |
 //! | [`barrier`] | a two-level barrier that spins, then parks |
+//! | [`deferred`] | a lock that nobody has to wait for: contributions are left for the next holder |
 //! | [`team`] | pinned workers: run on all, items on home nodes, fork-join, NUMA-ordered stealing |
 //! | [`mod@per_thread`] | statics with one slot per worker, and values with one per worker of a team |
 //! | [`replicate`] | read-mostly data, one copy per node |
@@ -23,6 +24,7 @@ pub mod arena;
 pub mod barrier;
 pub mod counters;
 pub mod cpuset;
+pub mod deferred;
 pub mod error;
 pub mod pages;
 pub mod per_thread;
@@ -36,6 +38,7 @@ pub mod topology;
 pub mod warnings;
 
 pub use arena::{Arena, ArenaBox};
+pub use deferred::Deferred;
 pub use error::Error;
 pub use pinning::{Plan, Policy};
 pub use team::{Home, Team, Worker, WorkerPanic};

@@ -97,8 +97,8 @@ pub struct SolveArguments {
     /// Computes direct illumination only.
     #[arg(long)]
     pub direct_only: bool,
-    /// Who computes which pair when: sequential, inner-loop or stealing. None of them shows in the result but inner-loop, in which
-    /// surfaces shoot one at a time.
+    /// Who computes which pair when: sequential, stealing, inner-loop, single-queue[+lure] or outer-loop[+lure]. The first two give the
+    /// same bits; in the others surfaces shoot one at a time, and in the last ones as workers become free.
     #[arg(long, value_name = "NAME", default_value = super::workers::DEFAULT_SCHEDULE)]
     pub schedule: String,
     /// Workers; one per core, or per CPU of a list, where not given.

@@ -4,7 +4,7 @@ use ccnuma::arena::Memory;
 use ccnuma::{Machine, Policy, Team};
 
 use crate::output::report::{Known, Worker};
-use crate::schedule::Batches;
+use crate::schedule::{Batches, Walks};
 
 use super::Error;
 use super::choice::choose;
@@ -12,16 +12,20 @@ use super::choice::choose;
 /// The schedule where none is named.
 pub(super) const DEFAULT_SCHEDULE: &str = "stealing";
 
-/// The schedules that this version has: their name, whether a team runs them, and how many surfaces shoot at once.
-const SCHEDULES: [(&str, (&str, bool, Batches)); 3] = [
+/// The schedules: their name, whether a team runs them, and how many surfaces shoot at once.
+const SCHEDULES: [(&str, (&str, bool, Batches)); 7] = [
     ("sequential", ("sequential", false, Batches::Fitted)),
     ("inner-loop", ("inner-loop", true, Batches::Single)),
+    ("single-queue", ("single-queue", true, walks(true, false))),
+    ("single-queue+lure", ("single-queue+lure", true, walks(true, true))),
+    ("outer-loop", ("outer-loop", true, walks(false, false))),
+    ("outer-loop+lure", ("outer-loop+lure", true, walks(false, true))),
     ("stealing", ("stealing", true, Batches::Fitted)),
 ];
 
-/// Those that are still to come.
-const PLANNED: [&str; 5] =
-    ["single-queue", "outer-loop", "inner-loop+lure", "single-queue+lure", "outer-loop+lure"];
+const fn walks(together: bool, lure: bool) -> Batches {
+    Batches::None(Walks { together, lure })
+}
 
 /// Who will work, checked.
 #[derive(Clone, Debug)]
@@ -102,9 +106,16 @@ impl Workers {
 /// The schedule of this name: its name, whether a team runs it, and how many surfaces shoot at once.
 ///
 /// # Errors
-/// [`Error::Input`]: this version has none of that name.
+/// [`Error::Input`]: there is none of that name, or it locks nothing that a lure could spare waiting for.
 pub(super) fn schedule(option: &str, name: &str) -> Result<(&'static str, bool, Batches), Error> {
-    choose(option, name, &SCHEDULES, &PLANNED)
+    let known = |name: &str| SCHEDULES.iter().any(|(known, _)| *known == name);
+    match name.strip_suffix("+lure") {
+        Some(plain) if known(plain) && !known(name) => Err(Error::Input(format!(
+            "{option} {name}: {plain} locks no receiver, so there is nothing to lure; \
+             +lure goes with single-queue and outer-loop"
+        ))),
+        _ => choose(option, name, &SCHEDULES, &[]),
+    }
 }
 
 fn plan(threads: Option<&str>, pin: Option<&str>) -> Result<ccnuma::Plan, Error> {
@@ -144,6 +155,8 @@ pub(super) fn account(team: Option<&mut Team>, wall_s: f64) -> Vec<Worker> {
             steal_s,
             barrier_s: times.barrier_s,
             lock_s: times.lock_s,
+            lock_waits: times.lock_waits,
+            lures: times.deferrals,
             tasks: times.tasks,
             steals_near: times.steals_near,
             steals_far: times.steals_far,

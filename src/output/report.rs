@@ -233,6 +233,10 @@ pub struct Worker {
     pub barrier_s: f64,
     /// Seconds waiting for locks.
     pub lock_s: f64,
+    /// How often it waited for one.
+    pub lock_waits: u64,
+    /// Pairs that it shot onto a lure, because the receiver was locked.
+    pub lures: u64,
     /// Tasks run that came through a queue.
     pub tasks: u64,
     /// Of these, taken from another worker of the node.
@@ -245,7 +249,7 @@ impl Default for Worker {
     fn default() -> Self {
         let none = || Known::unavailable("there was no worker");
         let (busy_s, idle_s, steal_s, barrier_s, lock_s) = (0.0, 0.0, 0.0, 0.0, 0.0);
-        let (tasks, steals_near, steals_far) = (0, 0, 0);
+        let (lock_waits, lures, tasks, steals_near, steals_far) = (0, 0, 0, 0, 0);
         Self {
             cpu: none(),
             node: none(),
@@ -254,6 +258,8 @@ impl Default for Worker {
             steal_s,
             barrier_s,
             lock_s,
+            lock_waits,
+            lures,
             tasks,
             steals_near,
             steals_far,

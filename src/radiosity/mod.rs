@@ -2,11 +2,13 @@
 
 pub mod ambient;
 pub mod element;
+pub mod lure;
 pub mod probe;
 pub mod solution;
 pub mod state;
 
 pub use ambient::add_ambient;
 pub use element::{Element, ElementBytes};
+pub use lure::{Form, Lure};
 pub use solution::{Field, Leaf, Node, Solution};
 pub use state::{Tree, extent_m, trees};

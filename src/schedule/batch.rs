@@ -6,6 +6,7 @@ use crate::radiosity::Tree;
 use crate::transport::{Clusters, Helpers, Lamp, Packet, Packets, Rules, Scratch, shoot};
 use crate::visibility::Occluder;
 
+use super::walks::Walks;
 use super::watch::Watch;
 
 /// At most this share of the surfaces that have light to send shoot at once, and at most as many as the square root of their number, which
@@ -22,7 +23,7 @@ const MANY: usize = 256;
 /// Share of the unshot power that the dimmest keep then.
 const KEPT: f64 = 0.2;
 
-/// How many surfaces shoot between two choices.
+/// How many surfaces shoot between two choices, and all must have finished.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Batches {
     /// As many as cost little more than one at a time would.
@@ -30,6 +31,8 @@ pub enum Batches {
     Fitted,
     /// One at a time, as the paper does.
     Single,
+    /// There are no batches: emitters follow each other without a barrier. Without a team, as [`Batches::Single`].
+    None(Walks),
 }
 
 impl Batches {
@@ -50,7 +53,7 @@ impl Batches {
             return lit;
         }
         let most = match self {
-            Batches::Single => 1,
+            Batches::Single | Batches::None(_) => 1,
             Batches::Fitted => {
                 let lit = lit.len() as f64;
                 (LARGEST_SHARE * lit).min(lit.sqrt()).max(1.0) as usize
@@ -105,7 +108,7 @@ impl<const N: usize> Batch<'_, N> {
         let deposited = packets.shoot(patch, root, occluder, rules, scratch, helpers, &go_on);
         tree.book(&deposited);
         tree.work += std::mem::take(&mut scratch.work);
-        watch.receiver_done();
+        watch.part_done();
     }
 }
 

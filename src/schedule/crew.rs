@@ -18,6 +18,7 @@ use crate::transport::{Alone, Half, Helpers, Scratch};
 
 use super::homes::{along_the_curve, homes, imbalance};
 use super::record::{Record, Recorder};
+use super::walks::Walked;
 
 /// Homes are given anew where the busiest node's workers would have that much less work after it. What is gained is small below, and
 /// trees that move are copied.
@@ -79,6 +80,25 @@ impl Here<'_> {
         let result = task(self, &mut scratch);
         free.borrow_mut().push(scratch);
         result
+    }
+}
+
+/// What workers need of the crew who share no tasks.
+pub(super) struct Room<'a> {
+    kits: &'a PerWorker<Kit>,
+    homes: &'a [usize],
+}
+
+impl Room<'_> {
+    /// Runs `task` with working memory of the worker's own.
+    pub fn with_scratch(&self, worker: &Worker, task: impl FnOnce(&mut Scratch)) {
+        let here = Here { worker, kits: self.kits, home: 0 };
+        here.with_scratch(|_, scratch| task(scratch));
+    }
+
+    /// Where a receiver's elements live that the worker makes.
+    pub fn arena<'w>(&'w self, worker: &'w Worker, receiver: usize) -> &'w Arena {
+        self.kits.local(worker).arenas.on_node(self.homes[receiver])
     }
 }
 
@@ -217,7 +237,7 @@ impl<'t> Crew<'t> {
         trees: &mut [Tree<N>],
         task: impl Fn(&mut Tree<N>, &mut Scratch, &dyn Helpers, usize) + Sync,
     ) -> Result<Longest, WorkerPanic> {
-        let before: Vec<(u64, u64)> = trees.iter().map(|tree| (tree.work.cost(), tree.span)).collect();
+        let before = accounts(trees);
         match &mut self.hands {
             Hands::Alone(own) => {
                 let (scratch, arena) = &mut **own;
@@ -244,6 +264,28 @@ impl<'t> Crew<'t> {
                 })?;
             }
         }
+        Ok(self.book(trees, &before))
+    }
+
+    /// Whether there is a team.
+    pub fn is_team(&self) -> bool {
+        matches!(self.hands, Hands::Team(..))
+    }
+
+    /// Has all workers walk; `None` where there is no team.
+    pub fn walk<const N: usize>(
+        &mut self,
+        trees: &mut [Tree<N>],
+        walk: impl FnOnce(&mut [Tree<N>], &mut Team, &Room<'_>) -> Result<Walked<N>, WorkerPanic>,
+    ) -> Result<Option<(Walked<N>, Longest)>, WorkerPanic> {
+        let Hands::Team(team, kits) = &mut self.hands else { return Ok(None) };
+        let before = accounts(trees);
+        let walked = walk(trees, team, &Room { kits, homes: &self.homes })?;
+        Ok(Some((walked, self.book(trees, &before))))
+    }
+
+    /// Notes what each tree cost since `before`.
+    fn book<const N: usize>(&mut self, trees: &[Tree<N>], before: &[(u64, u64)]) -> Longest {
         let mut longest = Longest::default();
         for (i, tree) in trees.iter().enumerate() {
             self.costs[i] = tree.work.cost() - before[i].0;
@@ -251,7 +293,7 @@ impl<'t> Crew<'t> {
             longest.receiver = longest.receiver.max(self.costs[i]);
             longest.chain = longest.chain.max(tree.span - before[i].1);
         }
-        Ok(longest)
+        longest
     }
 
     /// Calls `each` on those of the trees for which `chosen` holds, on their home nodes, and returns the results in the trees' order.
@@ -295,6 +337,11 @@ impl<'t> Crew<'t> {
 /// Number of workers by node.
 fn staff(team: &Team) -> Vec<usize> {
     team.plan().workers_by_node().iter().map(Vec::len).collect()
+}
+
+/// What each tree cost so far, and its span.
+fn accounts<const N: usize>(trees: &[Tree<N>]) -> Vec<(u64, u64)> {
+    trees.iter().map(|tree| (tree.work.cost(), tree.span)).collect()
 }
 
 #[cfg(test)]

@@ -9,6 +9,7 @@
 //! | `sequential` | one thread | fitted |
 //! | `inner-loop`, the paper's | a team | single shooters |
 //! | `stealing` | a team | fitted |
+//! | `single-queue`, `outer-loop`, the paper's, each also with `+lure` | a team | none: [`walks`] |
 
 pub mod batch;
 pub mod control;
@@ -19,6 +20,7 @@ pub mod homes;
 mod parts;
 pub mod pass;
 pub mod record;
+pub mod walks;
 mod watch;
 
 pub use batch::Batches;
@@ -27,4 +29,5 @@ pub use crew::Longest;
 pub use footprint::Footprint;
 pub use parts::Part;
 pub use record::Record;
+pub use walks::Walks;
 pub use watch::{Observer, Silent, Stage};

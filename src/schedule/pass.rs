@@ -13,6 +13,7 @@ use crate::visibility::Occluder;
 use super::batch::{Batch, Batches};
 use super::copies::Copies;
 use super::crew::{Crew, Longest};
+use super::walks::Supply;
 use super::watch::{Stage, Watch};
 
 /// Share of interreflection that sending a first solution's light takes, for the progress shown.
@@ -154,15 +155,23 @@ impl<const N: usize> Pass<'_, N> {
             done = REFLECTED_SHARE;
         }
         let first = unshot_w(trees);
+        let progress = |left: f64| {
+            // Power decays geometrically: progress on a logarithmic scale.
+            let share = done + (1.0 - done) * (first / left).ln() / (first / self.stop_w).ln();
+            watch.batch(share, share, 1);
+        };
+        let supply = Supply::Brightest { stop_w: self.stop_w, prune_w_m2: self.prune_w_m2, left: &progress };
+        if let Some(sent_w) = self.walk(&supply, shot_w, trees, crew, watch, statistics)? {
+            add_ambient(trees, &sent_w);
+            return Ok(());
+        }
         loop {
             let left = unshot_w(trees);
             if left <= self.stop_w || watch.stopped() {
                 add_ambient(trees, &shot_w);
                 return Ok(());
             }
-            // Power decays geometrically: progress on a logarithmic scale.
-            let share = done + (1.0 - done) * (first / left).ln() / (first / self.stop_w).ln();
-            watch.batch(share, share, trees.len());
+            progress(left);
             let shooters = self.batches.choose(trees, self.stop_w);
             for shooter in &shooters {
                 let power_w = trees[*shooter].unshot_by_band_w();
@@ -195,9 +204,14 @@ impl<const N: usize> Pass<'_, N> {
         statistics: &mut PassStatistics,
     ) -> Result<(), WorkerPanic> {
         let none: &[Packet<N>] = &[];
-        let batches: Vec<Batch<'_, N>> = match self.batches {
-            Batches::Fitted => vec![Batch { lamps, packets, clusters: None }],
-            Batches::Single => {
+        let whole = match self.batches {
+            Batches::Fitted => true,
+            Batches::Single => false,
+            Batches::None(_) => crew.is_team(),
+        };
+        let batches: Vec<Batch<'_, N>> = match whole {
+            true => vec![Batch { lamps, packets, clusters: None }],
+            false => {
                 let lamps = lamps.chunks(1).map(|lamps| Batch { lamps, packets: none, clusters: None });
                 let packets = packets.chunks(1).map(|packets| Batch { lamps: &[], packets, clusters: None });
                 lamps.chain(packets).collect()
@@ -223,11 +237,15 @@ impl<const N: usize> Pass<'_, N> {
             return Ok(());
         }
         let bytes: usize = batch.packets.iter().map(Packet::bytes).sum();
+        if self.walk(&Supply::Given(*batch), [0.0; N], trees, crew, watch, statistics)?.is_some() {
+            statistics.packet_bytes = statistics.packet_bytes.max(bytes as u64);
+            return Ok(());
+        }
         let clusters = Clusters::of(batch.packets, self.rules);
         let copies = crew.copy_all(batch.packets, bytes)?;
         let longest = crew.light(trees, |tree, scratch, helpers, node| {
             let packets = copies.on(node).map_or(batch.packets, |packets| packets);
-            let occluder = self.occluders.on(node).map_or(self.occluder, |occluder| &**occluder);
+            let occluder = self.occluder_on(node);
             let near = Batch { packets, clusters: clusters.as_ref(), ..*batch };
             near.light(tree, (occluder, self.rules), scratch, helpers, watch);
         })?;
@@ -237,6 +255,34 @@ impl<const N: usize> Pass<'_, N> {
         statistics.shots += batch.len() as u64;
         statistics.batches += 1;
         Ok(())
+    }
+
+    /// What a node's workers ask what may stand between.
+    fn occluder_on(&self, node: usize) -> &dyn Occluder {
+        self.occluders.on(node).map_or(self.occluder, |occluder| &**occluder)
+    }
+
+    /// Has a team walk where there are no batches, else does nothing; returns what was sent with `shot_w` before.
+    fn walk(
+        &self,
+        supply: &Supply<'_, N>,
+        shot_w: [f64; N],
+        trees: &mut [Tree<N>],
+        crew: &mut Crew<'_>,
+        watch: &Watch,
+        statistics: &mut PassStatistics,
+    ) -> Result<Option<[f64; N]>, WorkerPanic> {
+        let Batches::None(walks) = self.batches else { return Ok(None) };
+        let walked = crew.walk(trees, |trees, team, room| {
+            let occluder = |node| self.occluder_on(node);
+            walks.run(trees, (supply, shot_w), (&occluder, self.rules), watch, team, room)
+        })?;
+        let Some((walked, longest)) = walked else { return Ok(None) };
+        statistics.longest.receiver += longest.receiver;
+        statistics.longest.chain += longest.chain;
+        statistics.shots += walked.shots as u64;
+        statistics.batches += (walked.shots > 0) as u64;
+        Ok(Some(walked.shot_w))
     }
 }
 

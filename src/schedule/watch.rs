@@ -48,7 +48,7 @@ pub(super) struct Watch {
     /// Share of the stage done before the batch at hand and after it, as bits.
     from: AtomicU64,
     to: AtomicU64,
-    receivers: AtomicU64,
+    parts: AtomicU64,
     done: AtomicU64,
     events: Sender<Event>,
 }
@@ -56,8 +56,8 @@ pub(super) struct Watch {
 impl Watch {
     fn new(events: Sender<Event>) -> Self {
         let zero = || AtomicU64::new(0);
-        let (from, to, receivers, done) = (zero(), zero(), zero(), zero());
-        Self { stop: AtomicBool::new(false), from, to, receivers, done, events }
+        let (from, to, parts, done) = (zero(), zero(), zero(), zero());
+        Self { stop: AtomicBool::new(false), from, to, parts, done, events }
     }
 
     /// Whether to stop; polled before every pair.
@@ -77,23 +77,28 @@ impl Watch {
         let _ = self.events.send(Event::Stage(stage));
     }
 
-    /// A batch to so many receivers begins; it takes the stage from one share to another.
-    pub fn batch(&self, from: f64, to: f64, receivers: usize) {
+    /// A batch of so many parts, its receivers or its walks, begins; it takes the stage from one share to another.
+    pub fn batch(&self, from: f64, to: f64, parts: usize) {
         self.from.store(from.to_bits(), Relaxed);
         self.to.store(to.to_bits(), Relaxed);
-        self.receivers.store(receivers as u64, Relaxed);
+        self.parts.store(parts as u64, Relaxed);
         self.done.store(0, Relaxed);
     }
 
-    /// A receiver is done with the batch.
-    pub fn receiver_done(&self) {
+    /// The batch at hand has so many parts.
+    pub fn parts(&self, number: usize) {
+        self.parts.store(number as u64, Relaxed);
+    }
+
+    /// A part is done.
+    pub fn part_done(&self) {
         self.done.fetch_add(1, Relaxed);
     }
 
     fn share(&self) -> f64 {
         let number = |bits: &AtomicU64| f64::from_bits(bits.load(Relaxed));
         let (from, to) = (number(&self.from), number(&self.to));
-        let part = self.done.load(Relaxed) as f64 / self.receivers.load(Relaxed).max(1) as f64;
+        let part = self.done.load(Relaxed) as f64 / self.parts.load(Relaxed).max(1) as f64;
         from + (to - from) * part.min(1.0)
     }
 }

@@ -249,7 +249,7 @@ mod tests {
         .unwrap();
         let length =
             counters.span(&mut team, "span", |team| team.run(|worker| worker.index()).unwrap().len());
-        assert_eq!(length, Ok(team.len()));
+        assert_eq!(length.unwrap(), team.len());
         let report = counters.report();
         assert_eq!(report.workers.len(), team.len());
         assert_eq!(report.total["span"].entered, team.len() as u64);

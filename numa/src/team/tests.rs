@@ -2,9 +2,11 @@
 //! of a million tasks.
 
 use std::collections::BTreeSet;
+use std::sync::Condvar;
 use std::sync::atomic::Ordering::SeqCst;
 
 use super::*;
+use crate::deferred::Deferred;
 use crate::error::Error;
 use crate::pinning::Policy;
 use crate::topology::Machine;
@@ -207,6 +209,48 @@ fn time_adds_up() {
             time.busy_s + time.idle_s + time.barrier_s + time.lock_s + time.steal_near_s + time.steal_far_s;
         assert!(sum > 0.05 && sum < 0.5, "{times:?}");
     }
+}
+
+#[test]
+fn waits_for_locks_and_notifications_are_told_apart() {
+    let mut team = simulated("core:2 pu:1", 2);
+    let (count, woken) = (Mutex::new(0), Condvar::new());
+    let value = Deferred::new(0);
+    let add = |value: &mut i32, more: i32| *value += more;
+    let nap = std::time::Duration::from_millis(20);
+    let arrive = |worker: &Worker| {
+        *worker.lock(&count) += 1;
+        woken.notify_all();
+    };
+    let wait_for = |worker: &Worker, number: i32| {
+        let mut count = worker.lock(&count);
+        while *count < number {
+            count = worker.wait(&woken, count);
+        }
+    };
+    team.run(|worker| match worker.index() {
+        0 => {
+            let held = value.lock(add);
+            arrive(worker);
+            wait_for(worker, 2);
+            std::thread::sleep(nap);
+            drop(held);
+        }
+        _ => {
+            wait_for(worker, 1);
+            assert!(value.try_lock(add).is_none());
+            worker.defer(&value, 1);
+            arrive(worker);
+            *worker.lock_deferred(&value, add) *= 10;
+        }
+    })
+    .unwrap();
+    assert_eq!(*value.lock(add), 10, "the lock's next holder found what was left");
+    let other = team.times()[1];
+    assert!(other.lock_waits >= 1 && other.lock_s > 0.5 * nap.as_secs_f64(), "{other:?}");
+    assert_eq!(other.deferrals, 1);
+    team.reset_times();
+    assert_eq!((team.times()[1].lock_waits, team.times()[1].deferrals), (0, 0));
 }
 
 /// A deterministic scatter of numbers: splitmix64 (Steele, Lea, Flood, OOPSLA 2014).

@@ -36,8 +36,12 @@ pub struct Times {
     pub steal_far_s: f64,
     /// Waiting in [`super::Worker::barrier`].
     pub barrier_s: f64,
-    /// Waiting in [`super::Worker::lock`].
+    /// Waiting in [`super::Worker::lock`] and [`super::Worker::lock_deferred`].
     pub lock_s: f64,
+    /// How often it waited there.
+    pub lock_waits: u64,
+    /// How often it left a contribution instead: [`super::Worker::defer`].
+    pub deferrals: u64,
     /// Tasks run that came through a queue.
     pub tasks: u64,
     /// Of these, taken from another worker of the node.
@@ -50,6 +54,8 @@ pub struct Times {
 #[derive(Debug, Default)]
 pub struct Account {
     nanos: [AtomicU64; STATES],
+    lock_waits: AtomicU64,
+    deferrals: AtomicU64,
     tasks: AtomicU64,
     steals_near: AtomicU64,
     steals_far: AtomicU64,
@@ -74,6 +80,8 @@ impl Account {
             steal_far_s: seconds(State::StealFar),
             barrier_s: seconds(State::Barrier),
             lock_s: seconds(State::Lock),
+            lock_waits: self.lock_waits.load(Relaxed),
+            deferrals: self.deferrals.load(Relaxed),
             tasks: self.tasks.load(Relaxed),
             steals_near: self.steals_near.load(Relaxed),
             steals_far: self.steals_far.load(Relaxed),
@@ -82,8 +90,17 @@ impl Account {
 
     /// Starts again from zero; only between jobs, when the owner does not write.
     pub fn reset(&self) {
+        let locks = [&self.lock_waits, &self.deferrals];
         let events = [&self.tasks, &self.steals_near, &self.steals_far];
-        self.nanos.iter().chain(events).for_each(|counter| counter.store(0, Relaxed));
+        self.nanos.iter().chain(locks).chain(events).for_each(|counter| counter.store(0, Relaxed));
+    }
+
+    pub fn count_lock_wait(&self) {
+        add(&self.lock_waits, 1);
+    }
+
+    pub fn count_deferral(&self) {
+        add(&self.deferrals, 1);
     }
 
     pub fn count_task(&self) {

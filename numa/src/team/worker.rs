@@ -6,13 +6,14 @@
 use std::cell::{Cell, RefCell};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::Ordering::Acquire;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, TryLockError};
 use std::time::Instant;
 
 use super::panic::BrokenBarrier;
 use super::times::{Account, Clock, State};
 use super::{Shared, Task};
 use crate::arena::Arena;
+use crate::deferred::{Deferred, Held};
 use crate::pinning::{Plan, Slot};
 use crate::queue::{Local, Origin, Reach};
 
@@ -118,12 +119,42 @@ impl Worker {
             Ok(guard) => guard,
             Err(TryLockError::Poisoned(poisoned)) => poisoned.into_inner(),
             Err(TryLockError::WouldBlock) => {
-                let old = self.switch(State::Lock);
-                let guard = mutex.lock().unwrap_or_else(PoisonError::into_inner);
-                self.switch(old);
-                guard
+                self.waiting_for_lock(|| mutex.lock().unwrap_or_else(PoisonError::into_inner))
             }
         }
+    }
+
+    /// As [`Worker::lock`], for a value with contributions: `merge` is given them.
+    pub fn lock_deferred<'m, T, D>(
+        &self,
+        deferred: &'m Deferred<T, D>,
+        mut merge: impl FnMut(&mut T, D),
+    ) -> Held<'m, T> {
+        let free = deferred.try_lock(&mut merge);
+        free.unwrap_or_else(|| self.waiting_for_lock(|| deferred.lock(merge)))
+    }
+
+    /// Leaves a contribution, and counts it.
+    pub fn defer<T, D>(&self, deferred: &Deferred<T, D>, contribution: D) {
+        self.account().count_deferral();
+        deferred.defer(contribution);
+    }
+
+    fn waiting_for_lock<R>(&self, lock: impl FnOnce() -> R) -> R {
+        self.account().count_lock_wait();
+        let old = self.switch(State::Lock);
+        let locked = lock();
+        self.switch(old);
+        locked
+    }
+
+    /// Waits for a notification as [`Condvar::wait`], as idle time. For jobs of [`super::Team::run`] whose workers depend
+    /// on each other: it helps nobody meanwhile, and is not ended by a worker's panic; who notifies must see to that.
+    pub fn wait<'m, T>(&self, condvar: &Condvar, guard: MutexGuard<'m, T>) -> MutexGuard<'m, T> {
+        let old = self.switch(State::Idle);
+        let guard = condvar.wait(guard).unwrap_or_else(PoisonError::into_inner);
+        self.switch(old);
+        guard
     }
 
     pub(crate) fn at_end(&self, call: impl FnOnce() + 'static) {
