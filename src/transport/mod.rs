@@ -1,8 +1,10 @@
 //! Transport of light: the kernel, Lambert's closed form, emission packets, and one emitter–receiver pair.
 //!
 //! Receivers are sampled: the irradiance from one emitter is evaluated at points of a receiver element ([`gather`]), projected
-//! onto its basis, and judged at further points ([`link`]); what does not pass is divided ([`pair`]). Emitters are integrated hierarchically from each sample point. Nothing here
-//! knows a thread; a pair task borrows the packet and owns the receiver.
+//! onto its basis, and judged at further points ([`link`]); what does not pass is divided ([`pair`]). Emitters are integrated hierarchically
+//! from each sample point; of many, those that matter little are taken together ([`cluster`], [`several`]).
+//!
+//! Nothing here knows a thread; a pair task borrows the packet and owns the receiver.
 
 pub mod candidates;
 mod cluster;
