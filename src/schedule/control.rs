@@ -300,7 +300,11 @@ impl<'a, const N: usize> Run<'a, N> {
             threshold_w_m,
             reference_w_m2: self.guess_norm() / root_area,
             least_reflectance: self.mean_reflectance,
-            point_w_m2: POINT_LIMIT * allowed_w_m / root_area,
+            point_w_m2: match self.options.basis {
+                // Constants deviate everywhere: all links would go down all the way.
+                Basis::Haar => f64::INFINITY,
+                Basis::M2 | Basis::M3 => POINT_LIMIT * allowed_w_m / root_area,
+            },
             samples: SampleRule::new(self.options.basis),
         };
         let pass = Pass {
