@@ -95,7 +95,7 @@ pub fn shoot<const N: usize, R: Receiver<N>>(
         let least = hull.iter().map(height).fold(f64::INFINITY, f64::min);
         least > 0.0
     });
-    let weight = patch.reflectance.iter().copied().fold(rules.least_reflectance, f64::max);
+    let weight = patch.weight(rules.least_reflectance);
     let setting = Setting { source, patch, occluder, rules, threshold, extend, weight };
     let mut task = setting.run_by(scratch, helpers);
     task.begin(receiver);
@@ -199,9 +199,7 @@ impl<'a, const N: usize, S: Source<N>> Shoot<'a, N, S> {
     }
 
     fn begin<R: Receiver<N>>(&mut self, receiver: &mut R) {
-        let corners = &self.patch.corners;
-        let centre = corners.iter().sum::<DVec3>() / corners.len() as f64;
-        let radius = corners.iter().map(|c| c.distance(centre)).fold(0.0, f64::max);
+        let (centre, radius) = self.patch.sphere();
         let estimate = self.source.estimate_w_m2(centre, radius, self.patch.frame.normal);
         let area = self.patch.frame.area_m2 * receiver.shape().share();
         let carried = self.weight * estimate * area.sqrt();
@@ -215,11 +213,7 @@ impl<'a, const N: usize, S: Source<N>> Shoot<'a, N, S> {
 
     /// One sample stands for the whole surface.
     fn coarse<R: Receiver<N>>(&mut self, receiver: &mut R, area_m2: f64, estimate_w_m2: f64) {
-        let uv = match receiver.shape() {
-            Shape::Part(outline, _) => middle_of(outline),
-            _ => DVec2::splat(0.5),
-        };
-        let point = [self.patch.frame.point(uv)];
+        let point = [self.patch.frame.point(middle_of(receiver.shape()))];
         let tolerance = Tolerance { relative: COARSE, absolute_w_m2: 0.5 * estimate_w_m2 };
         let mut irradiance = [[0.0; N]];
         let before = self.scratch.work.cost();
@@ -350,8 +344,10 @@ impl<'a, const N: usize, S: Source<N>> Shoot<'a, N, S> {
     }
 }
 
-/// A point inside the outline: the mean of its corners, or where that lies outside, the point of the boundary nearest to it.
-pub(super) fn middle_of(outline: &[DVec2]) -> DVec2 {
+/// A point of the surface that stands for it: the middle of the parallelogram, or of an outline the mean of its corners, or where that lies
+/// outside, the point of the boundary nearest to it.
+pub(super) fn middle_of(shape: Shape<&[DVec2]>) -> DVec2 {
+    let Shape::Part(outline, _) = shape else { return DVec2::splat(0.5) };
     let mean = outline.iter().sum::<DVec2>() / outline.len() as f64;
     if polygon::contains(outline, mean) {
         mean

@@ -37,6 +37,17 @@ impl<const N: usize> Patch<N> {
 }
 
 impl<const N: usize> Patch<N> {
+    /// A sphere around the polygon.
+    pub(super) fn sphere(&self) -> (DVec3, f64) {
+        let centre = self.corners.iter().sum::<DVec3>() / self.corners.len() as f64;
+        (centre, self.corners.iter().map(|c| c.distance(centre)).fold(0.0, f64::max))
+    }
+
+    /// What an error of irradiance counts: the largest reflectance, or the least one that counts if that is more.
+    pub(super) fn weight(&self, least_reflectance: f64) -> f64 {
+        self.reflectance.iter().copied().fold(least_reflectance, f64::max)
+    }
+
     /// Bound on the mean radiosity, all bands, that irradiance with these coefficients causes: `Σ ‖ρ b_l‖ ∫|φ_l|`.
     pub fn reflected_w_m2(&self, light: &[[f64; N]; MAX_FUNCTIONS]) -> f64 {
         // ∫|φ_l| is 1 for the mean and at most 0.87 for the others.

@@ -1,11 +1,9 @@
 //! Several packets and one receiver: clusters of those that together matter little, one by one those that matter.
 
-use glam::DVec3;
-
 use super::candidates::Candidates;
 use super::cluster::{Clusters, DRAWS};
 use super::gather::{Points, Tolerance, norm};
-use super::packet::{Packet, Shape};
+use super::packet::Packet;
 use super::pair::{COARSE, COARSE_SHARE, Scratch, middle_of, shoot};
 use super::receiver::{Deposited, Patch, Receiver};
 use super::share::Helpers;
@@ -57,7 +55,7 @@ impl<const N: usize> Packets<'_, N> {
             }
             return deposited;
         };
-        let weight = patch.reflectance.iter().copied().fold(rules.least_reflectance, f64::max);
+        let weight = patch.weight(rules.least_reflectance);
         let area_m2 = patch.frame.area_m2 * receiver.shape().share();
         let (centre, radius) = patch.sphere();
         let allowed_w_m2 = CLUSTER_SHARE * COARSE_SHARE * rules.threshold_w_m / (weight * area_m2.sqrt());
@@ -108,11 +106,7 @@ impl<const N: usize> Packets<'_, N> {
         area_m2: f64,
         scratch: &mut Scratch,
     ) -> Deposited<N> {
-        let uv = match receiver.shape() {
-            Shape::Part(outline, _) => middle_of(outline),
-            _ => glam::DVec2::splat(0.5),
-        };
-        let point = [patch.frame.point(uv)];
+        let point = [patch.frame.point(middle_of(receiver.shape()))];
         let normal = patch.frame.normal;
         let points = Points { position: &point, eye: &point, normal, face: patch.face, hull: &point };
         let before = scratch.work.cost();
@@ -143,14 +137,6 @@ impl<const N: usize> Packets<'_, N> {
         let carried = weight * norm(&coefficients[0]);
         deposited.error_squared = area_m2 * (weight * weight * variance + 0.1 * carried * carried);
         deposited
-    }
-}
-
-impl<const N: usize> Patch<N> {
-    /// A sphere around the polygon.
-    fn sphere(&self) -> (DVec3, f64) {
-        let centre = self.corners.iter().sum::<DVec3>() / self.corners.len() as f64;
-        (centre, self.corners.iter().map(|c| c.distance(centre)).fold(0.0, f64::max))
     }
 }
 
