@@ -102,7 +102,8 @@ fn furnace(name: &str, body: impl Fn(f64) -> String, error: f64) -> f64 {
 fn furnace_in_a_cube() {
     for error in [0.03, 0.01, 0.003] {
         let worst = furnace("cube", |rho| prism(rho, 1.0, &square(0.0, 1.0), 0.0, 1.0, true), error);
-        assert!(worst < error, "{worst:.2e} at a point, {error} asked for");
+        let most = if error < 0.01 { 1e-3 } else { error };
+        assert!(worst <= most, "{worst:.2e} at a point with {error} asked for");
     }
 }
 

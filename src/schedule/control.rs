@@ -29,7 +29,7 @@ const LINK_SHARE: f64 = 0.97;
 const UNSHOT_SHARE: f64 = 0.2;
 /// Share of the error, taken as a deviation at a point, above which a link goes down to elements that others have made: what several links
 /// bring to a corner is smooth in sum only, and sums are exact where all are projected on the same elements.
-const POINT_LIMIT: f64 = 0.03;
+const POINT_LIMIT: f64 = 0.003;
 /// Light that is still to come does not spread evenly: RMS over mean.
 const SPREAD: f64 = 1.5;
 /// The root of the sum of squared link errors, times this, is the error of the solution in dark scenes; the second number is how it grows

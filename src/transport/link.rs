@@ -6,7 +6,7 @@ use super::candidates::Candidates;
 use super::gather::{Tolerance, norm};
 use super::packet::Shape;
 use super::pair::{COARSE, Oracle, Shoot};
-use super::receiver::Receiver;
+use super::receiver::{Receiver, Waiting};
 use super::samples::{MAX_SAMPLES, Projected};
 use super::source::Source;
 use crate::math::{Cell, Split, polygon};
@@ -18,6 +18,13 @@ const UNSEEN_SHADOW: f64 = 0.08;
 
 /// Share of the point tolerance in the link tolerance: noise of the points must not look like detail.
 const POINT_SHARE: f64 = 0.15;
+
+/// How much more than others links of which a part may be shaded may deviate at a point before they go down to finer elements: edges of
+/// shadows do not vanish in the sum over sources.
+const SHADED: f64 = 10.0;
+
+/// Tolerance of the points of links that nothing shades, over the deviation at which these go down.
+const POINT_NOISE: f64 = 5.0;
 
 /// How much sharper each further look is, and the sharpest there is.
 const SHARPER: f64 = 0.2;
@@ -56,7 +63,13 @@ impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
         let sampling = self.sample(receiver.shape(), cell);
         let area = self.patch.frame.area_m2 * cell.area() * receiver.shape().share();
         let weight = self.weight * area.sqrt();
-        let strict = POINT_SHARE * self.threshold / weight;
+        // Where several sources' light is smooth in sum only, noise would show at points long before it counts in the mean square.
+        let point_w_m2 = self.rules.point_w_m2;
+        let (point_w_m2, quiet_w_m2) = match candidates {
+            Candidates::Free => (point_w_m2, POINT_NOISE * point_w_m2),
+            _ => (SHADED * point_w_m2, f64::INFINITY),
+        };
+        let strict = (POINT_SHARE * self.threshold).min(quiet_w_m2 * area.sqrt()) / weight;
         let whole = receiver.shape() == Shape::Whole;
         // A first look, only as sharp as it takes to see that the element must be divided.
         let middle = 0.25 * hull.iter().sum::<DVec3>();
@@ -86,7 +99,7 @@ impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
                 || indivisible
                 || link_error.hypot(area.sqrt() * look.unseen) <= self.threshold + noise;
             let divided = receiver.split();
-            if accepted && divided.is_some() && look.worst > self.rules.point_w_m2 + noise_w_m2 {
+            if accepted && divided.is_some() && look.worst > point_w_m2 + noise_w_m2 {
                 return divided;
             }
             if !accepted {
@@ -94,8 +107,13 @@ impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
             }
             if sharp {
                 self.scratch.work.interactions += 1;
-                self.deposited.error_squared += link_error * link_error;
-                self.deposit(receiver, &look.projected.coefficients, area);
+                let (light, error_squared) = (look.projected.coefficients, link_error * link_error);
+                self.deposited.error_squared += error_squared;
+                self.deposit(receiver, &light, area);
+                if look.worst > point_w_m2 && candidates == Candidates::Free && !indivisible {
+                    let waiting = Waiting { cell: *cell, light, area_m2: area, error_squared };
+                    self.deposited.waiting.push(waiting);
+                }
                 return None;
             }
             let absolute_w_m2 = (SHARPER * tolerance.absolute_w_m2.min(look.light)).max(strict);

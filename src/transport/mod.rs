@@ -30,7 +30,7 @@ pub use gather::{Gather, Points};
 pub use lamp::Lamp;
 pub use packet::{Detail, Packet, PacketNode, Shape};
 pub use pair::{Oracle, Rules, Scratch, shoot};
-pub use receiver::{Deposited, Patch, Receiver};
+pub use receiver::{Deposited, Patch, Receiver, Waiting};
 pub use samples::SampleRule;
 pub use several::Packets;
 pub use share::{Alone, Half, Helpers};

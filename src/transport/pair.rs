@@ -9,7 +9,7 @@ use glam::{DVec2, DVec3};
 use super::candidates::{Candidates, narrow};
 use super::gather::{Points, Tolerance, norm};
 use super::packet::{Shape, cell_corners};
-use super::receiver::{Deposited, Patch, Receiver};
+use super::receiver::{Deposited, Patch, Receiver, Waiting};
 use super::samples::SampleRule;
 use super::share::Helpers;
 use super::source::Source;
@@ -47,7 +47,8 @@ pub struct Rules {
     pub reference_w_m2: f64,
     /// Reflectances below this count as this in link errors, in all bands alike, so that dark surfaces know their irradiance too.
     pub least_reflectance: f64,
-    /// Deviation at a point in W/m² of radiosity above which a link goes down to elements that are there already.
+    /// Deviation at a point in W/m² of radiosity above which a link that nothing shades goes down to elements that are there already, or
+    /// that other sources of its batch make later.
     pub point_w_m2: f64,
     /// How receivers are sampled and projected.
     pub samples: SampleRule,
@@ -75,6 +76,20 @@ pub fn shoot<const N: usize, R: Receiver<N>>(
     scratch: &mut Scratch,
     helpers: &dyn Helpers,
 ) -> Deposited<N> {
+    let deposited = shoot_first(source, patch, receiver, occluder, rules, scratch, helpers);
+    Deposited { waiting: Vec::new(), ..deposited }
+}
+
+/// As [`shoot`], for who comes back with the links that wait: [`go_down`].
+pub(super) fn shoot_first<const N: usize, R: Receiver<N>>(
+    source: &impl Source<N>,
+    patch: &Patch<N>,
+    receiver: &mut R,
+    occluder: &dyn Occluder,
+    rules: &Rules,
+    scratch: &mut Scratch,
+    helpers: &dyn Helpers,
+) -> Deposited<N> {
     if source.surface() == patch.surface || source.face() == patch.face {
         return Deposited::default();
     }
@@ -82,24 +97,30 @@ pub fn shoot<const N: usize, R: Receiver<N>>(
         scratch.work.pairs_behind += 1;
         return Deposited::default();
     }
-    let mut threshold = rules.threshold_w_m;
-    if rules.oracle == Oracle::Geometry {
-        threshold *= source.strength() / rules.reference_w_m2;
-    }
-    let hull = cell_corners(&Cell::UNIT).map(|c| patch.frame.point(c));
-    // Beyond the polygon the light of a source well in front continues smoothly; that of a source whose plane cuts the
-    // parallelogram does not, and is taken from the nearest point of the polygon.
-    let (source_hull, source_normal) = source.hull(&hull);
-    let extend = source_normal.is_none_or(|n| {
-        let height = |p: &DVec3| n.dot(*p - source_hull[0]);
-        let least = hull.iter().map(height).fold(f64::INFINITY, f64::min);
-        least > 0.0
-    });
-    let weight = patch.weight(rules.least_reflectance);
-    let setting = Setting { source, patch, occluder, rules, threshold, extend, weight };
-    let mut task = setting.run_by(scratch, helpers);
+    let mut task = Setting::new(source, patch, occluder, rules).run_by(scratch, helpers);
     task.begin(receiver);
     task.deposited
+}
+
+/// Has links of `source` that wait go down where elements have been divided since. Light that several sources bring to a corner is smooth in
+/// sum only, and the sum is exact only where all of them are projected on the same elements, whoever came first.
+#[allow(clippy::too_many_arguments)]
+pub(super) fn go_down<const N: usize, R: Receiver<N>>(
+    source: &impl Source<N>,
+    waiting: &[Waiting<N>],
+    patch: &Patch<N>,
+    receiver: &mut R,
+    occluder: &dyn Occluder,
+    rules: &Rules,
+    scratch: &mut Scratch,
+    helpers: &dyn Helpers,
+) -> Deposited<N> {
+    let top = scratch.candidates.len();
+    let mut task = Setting::new(source, patch, occluder, rules).run_by(scratch, helpers);
+    task.visit(receiver, Cell::UNIT, Candidates::Scene, 0, Some(waiting));
+    let deposited = task.deposited;
+    scratch.candidates.truncate(top);
+    deposited
 }
 
 /// What all parts of a pair task have in common.
@@ -123,6 +144,24 @@ impl<const N: usize, S> Clone for Setting<'_, N, S> {
 impl<const N: usize, S> Copy for Setting<'_, N, S> {}
 
 impl<'a, const N: usize, S: Source<N>> Setting<'a, N, S> {
+    fn new(source: &'a S, patch: &'a Patch<N>, occluder: &'a dyn Occluder, rules: &'a Rules) -> Self {
+        let mut threshold = rules.threshold_w_m;
+        if rules.oracle == Oracle::Geometry {
+            threshold *= source.strength() / rules.reference_w_m2;
+        }
+        let hull = cell_corners(&Cell::UNIT).map(|c| patch.frame.point(c));
+        // Beyond the polygon the light of a source well in front continues smoothly; that of a source whose plane cuts the
+        // parallelogram does not, and is taken from the nearest point of the polygon.
+        let (source_hull, source_normal) = source.hull(&hull);
+        let extend = source_normal.is_none_or(|n| {
+            let height = |p: &DVec3| n.dot(*p - source_hull[0]);
+            let least = hull.iter().map(height).fold(f64::INFINITY, f64::min);
+            least > 0.0
+        });
+        let weight = patch.weight(rules.least_reflectance);
+        Self { source, patch, occluder, rules, threshold, extend, weight }
+    }
+
     fn run_by<'b>(self, scratch: &'b mut Scratch, helpers: &'b dyn Helpers) -> Shoot<'b, N, S>
     where
         'a: 'b,
@@ -152,7 +191,7 @@ impl<'a, const N: usize, S: Source<N>> Setting<'a, N, S> {
                     other => other,
                 };
                 let mut task = self.run_by(scratch, helpers);
-                task.visit(part.receiver, part.cell, candidates, level);
+                task.visit(part.receiver, part.cell, candidates, level, part.waiting);
                 part.deposited = task.deposited;
                 scratch.candidates.truncate(top);
             }
@@ -176,7 +215,8 @@ impl<'a, const N: usize, S: Source<N>> Setting<'a, N, S> {
 struct Part<'a, const N: usize, R> {
     receiver: &'a mut R,
     cell: Cell,
-    pub(super) deposited: Deposited<N>,
+    waiting: Option<&'a [Waiting<N>]>,
+    deposited: Deposited<N>,
 }
 
 pub(super) struct Shoot<'a, const N: usize, S> {
@@ -207,7 +247,7 @@ impl<'a, const N: usize, S: Source<N>> Shoot<'a, N, S> {
             return self.coarse(receiver, area, estimate);
         }
         let top = self.scratch.candidates.len();
-        self.visit(receiver, Cell::UNIT, Candidates::Scene, 0);
+        self.visit(receiver, Cell::UNIT, Candidates::Scene, 0, None);
         self.scratch.candidates.truncate(top);
     }
 
@@ -261,8 +301,16 @@ impl<'a, const N: usize, S: Source<N>> Shoot<'a, N, S> {
         );
     }
 
-    fn visit<R: Receiver<N>>(&mut self, receiver: &mut R, cell: Cell, candidates: Candidates, level: u8) {
-        if receiver.shape() == Shape::Outside {
+    /// Visits an element of the receiver; where links wait, only as far as it takes to have those go down.
+    fn visit<R: Receiver<N>>(
+        &mut self,
+        receiver: &mut R,
+        cell: Cell,
+        candidates: Candidates,
+        level: u8,
+        waiting: Option<&[Waiting<N>]>,
+    ) {
+        if receiver.shape() == Shape::Outside || waiting.is_some() && receiver.split().is_none() {
             return;
         }
         let hull = cell_corners(&cell).map(|c| self.patch.frame.point(c));
@@ -271,16 +319,22 @@ impl<'a, const N: usize, S: Source<N>> Shoot<'a, N, S> {
         }
         let before = self.scratch.work.cost();
         let candidates = self.narrow(&hull, candidates);
-        if level == 0 && candidates == Candidates::Free {
+        if level == 0 && waiting.is_none() && candidates == Candidates::Free {
             self.scratch.work.pairs_unoccluded += 1;
         }
         if candidates == Candidates::Hidden {
             self.scratch.work.pairs_hidden += 1;
             return;
         }
-        let split = match self.rules.oracle {
-            Oracle::Uniform(depth) if level < depth => Some(Split::Both),
-            _ => self.try_link(receiver, &cell, &hull, candidates),
+        let (split, waiting) = match (waiting, self.rules.oracle) {
+            (Some([link]), _) if link.cell == cell => {
+                receiver.deposit(&link.light.map(|c| c.map(|e| -e)));
+                self.deposited.take_back(self.patch, link);
+                (receiver.split(), None)
+            }
+            (Some(_), _) => (receiver.split(), waiting),
+            (None, Oracle::Uniform(depth)) if level < depth => (Some(Split::Both), None),
+            (None, _) => (self.try_link(receiver, &cell, &hull, candidates), None),
         };
         let cost = self.scratch.work.cost() - before;
         let Some(wanted) = split else {
@@ -294,7 +348,9 @@ impl<'a, const N: usize, S: Source<N>> Shoot<'a, N, S> {
             receiver.subdivide(wanted, &shapes, self.helpers.arena());
         }
         let split = receiver.split().unwrap_or(wanted);
-        self.visit_children(receiver, cell, split, candidates, level + 1);
+        let taken_back = std::mem::take(&mut self.deposited);
+        self.visit_children(receiver, cell, split, candidates, level + 1, waiting);
+        self.deposited.add_after(taken_back);
         self.deposited.span += cost;
     }
 
@@ -306,26 +362,30 @@ impl<'a, const N: usize, S: Source<N>> Shoot<'a, N, S> {
         split: Split,
         candidates: Candidates,
         level: u8,
+        waiting: Option<&[Waiting<N>]>,
     ) {
         let mut sum = Deposited::default();
+        let of_child = |cell: &Cell| waiting.map(|waiting| within(waiting, cell));
         let children = receiver.children_mut().iter_mut().enumerate();
+        let children = children
+            .map(|(index, child)| (child, cell.child(split, index)))
+            .map(|(child, cell)| (child, cell, of_child(&cell)))
+            .filter(|(_, _, waiting)| waiting.is_none_or(|waiting| !waiting.is_empty()));
         let helpers = self.helpers;
         if helpers.wanted() {
             let blockers = match candidates {
                 Candidates::List(start, end) => self.scratch.candidates[start..end].to_vec(),
                 _ => Vec::new(),
             };
-            let part = |(index, receiver)| {
-                let cell = cell.child(split, index);
-                Part { receiver, cell, deposited: Deposited::default() }
-            };
+            let part =
+                |(receiver, cell, waiting)| Part { receiver, cell, waiting, deposited: Deposited::default() };
             let mut parts: Vec<Part<'_, N, R>> = children.map(part).collect();
             self.setting().visit_parts(helpers, self.scratch, &mut parts, candidates, &blockers, level);
-            parts.iter().for_each(|part| sum.add_beside(part.deposited));
+            parts.into_iter().for_each(|part| sum.add_beside(part.deposited));
         } else {
-            for (index, child) in children {
+            for (child, cell, waiting) in children {
                 let top = self.scratch.candidates.len();
-                self.visit(child, cell.child(split, index), candidates, level);
+                self.visit(child, cell, candidates, level, waiting);
                 sum.add_beside(std::mem::take(&mut self.deposited));
                 self.scratch.candidates.truncate(top);
             }
@@ -342,6 +402,17 @@ impl<'a, const N: usize, S: Source<N>> Shoot<'a, N, S> {
         let skip = [self.patch.face, self.source.face()];
         narrow(self.occluder, &shaft, candidates, skip, hull, &source, self.scratch)
     }
+}
+
+/// Those of links in the order of the elements that lie in a cell.
+fn within<'w, const N: usize>(waiting: &'w [Waiting<N>], cell: &Cell) -> &'w [Waiting<N>] {
+    let inside = |link: &Waiting<N>| {
+        let middle = cell.to_local(link.cell.centre());
+        middle.min_element() > 0.0 && middle.max_element() < 1.0
+    };
+    let start = waiting.iter().position(inside).unwrap_or(waiting.len());
+    let count = waiting[start..].iter().take_while(|link| inside(link)).count();
+    &waiting[start..start + count]
 }
 
 /// A point of the surface that stands for it: the middle of the parallelogram, or of an outline the mean of its corners, or where that lies

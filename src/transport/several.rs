@@ -4,7 +4,7 @@ use super::candidates::Candidates;
 use super::cluster::{Clusters, DRAWS};
 use super::gather::{Points, Tolerance, norm};
 use super::packet::Packet;
-use super::pair::{COARSE, COARSE_SHARE, Scratch, middle_of, shoot};
+use super::pair::{COARSE, COARSE_SHARE, Scratch, go_down, middle_of, shoot_first};
 use super::receiver::{Deposited, Patch, Receiver};
 use super::share::Helpers;
 use super::source::Source;
@@ -49,46 +49,56 @@ impl<const N: usize> Packets<'_, N> {
         go_on: &dyn Fn() -> bool,
     ) -> Deposited<N> {
         let mut deposited = Deposited::default();
-        let Some(clusters) = self.clusters else {
-            for packet in self.packets.iter().take_while(|_| go_on()) {
-                deposited.add_after(shoot(packet, patch, receiver, occluder, rules, scratch, helpers));
+        let mut waiting = Vec::new();
+        let mut one = |index: usize, receiver: &mut R, scratch: &mut Scratch| {
+            let packet = &self.packets[index];
+            let mut taken = shoot_first(packet, patch, receiver, occluder, rules, scratch, helpers);
+            let links = std::mem::take(&mut taken.waiting);
+            if !links.is_empty() {
+                waiting.push((packet, links));
             }
-            return deposited;
+            taken
         };
-        let weight = patch.weight(rules.least_reflectance);
-        let area_m2 = patch.frame.area_m2 * receiver.shape().share();
-        let (centre, radius) = patch.sphere();
-        let allowed_w_m2 = CLUSTER_SHARE * COARSE_SHARE * rules.threshold_w_m / (weight * area_m2.sqrt());
-        let mut open: Vec<usize> = clusters.root().into_iter().collect();
-        while let Some(node) = open.pop().filter(|_| go_on()) {
-            let cluster = clusters.node(node);
-            if cluster.cannot_reach(patch.corners[0], patch.frame.normal, centre, radius) {
-                scratch.work.pairs_behind += cluster.len() as u64;
-                continue;
+        match self.clusters {
+            None => {
+                for index in (0..self.packets.len()).take_while(|_| go_on()) {
+                    deposited.add_after(one(index, receiver, scratch));
+                }
             }
-            match clusters.below(node) {
-                Err(packet) => deposited.add_after(shoot(
-                    &self.packets[packet],
-                    patch,
-                    receiver,
-                    occluder,
-                    rules,
-                    scratch,
-                    helpers,
-                )),
-                Ok([first, second]) => {
-                    if cluster.len() > DRAWS
-                        && cluster.is_apart(centre, radius)
-                        && cluster.estimate_w_m2(centre, radius, patch.frame.normal) <= allowed_w_m2
-                    {
-                        let taken =
-                            self.draw(clusters, node, patch, receiver, occluder, weight, area_m2, scratch);
-                        deposited.add_after(taken);
-                    } else {
-                        open.extend([second, first]);
+            Some(clusters) => {
+                let weight = patch.weight(rules.least_reflectance);
+                let area_m2 = patch.frame.area_m2 * receiver.shape().share();
+                let (centre, radius) = patch.sphere();
+                let allowed_w_m2 =
+                    CLUSTER_SHARE * COARSE_SHARE * rules.threshold_w_m / (weight * area_m2.sqrt());
+                let mut open: Vec<usize> = clusters.root().into_iter().collect();
+                while let Some(node) = open.pop().filter(|_| go_on()) {
+                    let cluster = clusters.node(node);
+                    if cluster.cannot_reach(patch.corners[0], patch.frame.normal, centre, radius) {
+                        scratch.work.pairs_behind += cluster.len() as u64;
+                        continue;
+                    }
+                    match clusters.below(node) {
+                        Err(index) => deposited.add_after(one(index, receiver, scratch)),
+                        Ok(_)
+                            if cluster.len() > DRAWS
+                                && cluster.is_apart(centre, radius)
+                                && cluster.estimate_w_m2(centre, radius, patch.frame.normal)
+                                    <= allowed_w_m2 =>
+                        {
+                            deposited.add_after(
+                                self.draw(
+                                    clusters, node, patch, receiver, occluder, weight, area_m2, scratch,
+                                ),
+                            );
+                        }
+                        Ok([first, second]) => open.extend([second, first]),
                     }
                 }
             }
+        }
+        for (packet, links) in waiting.iter().take_while(|_| go_on()) {
+            deposited.add_after(go_down(*packet, links, patch, receiver, occluder, rules, scratch, helpers));
         }
         deposited
     }
@@ -217,7 +227,15 @@ mod tests {
                 let fine = Rules { threshold_w_m: 1e-5, ..rules.clone() };
                 let mut truth = 0.0;
                 for packet in &packets {
-                    let one = shoot(packet, &tree.patch, &mut tree.root, &bvh, &fine, &mut scratch, &alone);
+                    let one = crate::transport::shoot(
+                        packet,
+                        &tree.patch,
+                        &mut tree.root,
+                        &bvh,
+                        &fine,
+                        &mut scratch,
+                        &alone,
+                    );
                     truth += one.received_w[0];
                 }
                 let miss = 0.5 * (found.received_w[0] - truth).abs() / tree.area_m2.sqrt();
