@@ -107,6 +107,12 @@ impl<T> Queues<T> {
         self.inboxes[node].tasks.get(reach).push(task);
     }
 
+    /// Takes the oldest task of a worker, on the same node as the caller or not.
+    pub fn take_from(&self, victim: usize, near: bool) -> Option<(T, Origin)> {
+        let (reaches, origin) = if near { (LOCAL, Origin::Near) } else { (TRAVELLING, Origin::Far) };
+        self.steal_from(victim, reaches).map(|task| (task, origin))
+    }
+
     fn take_from_inbox(&self, node: usize, reaches: &[Reach]) -> Option<T> {
         let inbox = &self.inboxes[node];
         if inbox.count.load(Relaxed) == 0 {
@@ -178,14 +184,9 @@ impl<T> Local<T> {
                 queues.take_from_inbox(*node, TRAVELLING).map(|task| (task, Origin::Far))
             }
             Look::Victims { workers, local } => {
-                let reaches = if *local { LOCAL } else { TRAVELLING };
-                let origin = if *local { Origin::Near } else { Origin::Far };
                 let start = self.next_random() % workers.len();
                 let order = workers[start..].iter().chain(&workers[..start]);
-                order
-                    .copied()
-                    .find_map(|victim| queues.steal_from(victim, reaches))
-                    .map(|task| (task, origin))
+                order.copied().find_map(|victim| queues.take_from(victim, *local))
             }
         })
     }

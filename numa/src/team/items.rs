@@ -1,9 +1,10 @@
 //! Items with home nodes: each gets its own `&mut`, on its home node if that node's workers have time.
 //!
 //! Items are ordered by home node and each node's share is cut, by weight, into one range per worker of the node,
-//! sent to the node's inbox. A worker that runs a range splits it in half whenever it has nothing left that others
+//! sent to the node's inbox. A worker that runs a range offers half of it whenever it has nothing left that others
 //! could take (lazy binary splitting: Tzannes, Caragea, Barua, Vishkin, PPoPP 2010), so an item costs a look at its
-//! own deques while nobody is hungry, and there is always something to steal when somebody is.
+//! own deques while nobody is hungry, and there is always something to steal when somebody is; and before an item that
+//! is a good part of the range, so that the rest does not wait for it. Nobody waits for a range but the caller.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Mutex;
@@ -41,8 +42,11 @@ struct Spread<'a, T, F> {
 // permutation whose ranges are disjoint, and `T: Send`; the rest is `Sync` as `F` is.
 unsafe impl<T: Send, F: Sync> Sync for Spread<'_, T, F> {}
 
-/// A range of `order` for one worker.
-struct Root<'s, 'a, T, F> {
+/// An item of at least this share of its range's weight is run after the rest has been offered.
+const GOOD_PART: u64 = 8;
+
+/// A range of `order`, for whoever takes it.
+struct Range<'s, 'a, T, F> {
     spread: &'s Spread<'a, T, F>,
     from: usize,
     to: usize,
@@ -73,16 +77,13 @@ where
         panic: Mutex::new(None),
         latch: Latch::new(ranges.len(), owner),
     };
-    let roots: Vec<Root<'_, '_, T, F>> =
-        ranges.iter().map(|&(_, from, to)| Root { spread: &spread, from, to }).collect();
-    for (root, &(node, ..)) in roots.iter().zip(&ranges) {
-        let reach = shared.reach(spread.before[root.to] - spread.before[root.from]);
-        // Alive until the latch is set, which `wait` waits for; `wait` does not unwind.
-        let task = Task { data: std::ptr::from_ref(root).cast(), run: Root::<T, F>::run };
-        shared.queues.send(node, task, reach);
+    for &(node, from, to) in &ranges {
+        let reach = shared.reach(spread.weight(from, to));
+        // `spread` is alive until the latch is set, which `wait` waits for; `wait` does not unwind.
+        shared.queues.send(node, spread.task(from, to), reach);
         shared.sleep.wake_first(shared.wake_order_of_node(node, reach));
     }
-    if !roots.is_empty() {
+    if !ranges.is_empty() {
         wait(&spread.latch);
     }
     match spread.panic.into_inner() {
@@ -169,14 +170,14 @@ fn split(before: &[u64], from: usize, end: usize, share: u64) -> usize {
     from + 1 + before[from + 1..end].partition_point(|&weight| weight - before[from] < share)
 }
 
-impl<T: Send, F: Fn(&Worker, &mut T) + Sync> Root<'_, '_, T, F> {
+impl<T: Send, F: Fn(&Worker, &mut T) + Sync> Range<'_, '_, T, F> {
     /// # Safety
-    /// `data` must be a live root that nobody runs or ran.
+    /// `data` must come from [`Spread::task`] and not have been run; its `Spread` must be alive, and counted this range.
     unsafe fn run(data: *const (), worker: &Worker) {
-        // SAFETY: alive until the latch below is counted down.
-        let root = unsafe { &*data.cast::<Self>() };
-        let spread = root.spread;
-        let outcome = catch_unwind(AssertUnwindSafe(|| spread.range(worker, root.from, root.to)));
+        // SAFETY: made by `Box::into_raw` in `Spread::task` and given up by this, its only run.
+        let range = unsafe { Box::from_raw(data.cast_mut().cast::<Self>()) };
+        let spread = range.spread;
+        let outcome = catch_unwind(AssertUnwindSafe(|| spread.range(worker, range.from, range.to)));
         if let Err(payload) = outcome {
             WorkerPanic::keep_first(&mut whole(&spread.panic), WorkerPanic::caught(payload, worker));
         }
@@ -186,18 +187,26 @@ impl<T: Send, F: Fn(&Worker, &mut T) + Sync> Root<'_, '_, T, F> {
 }
 
 impl<T: Send, F: Fn(&Worker, &mut T) + Sync> Spread<'_, T, F> {
-    fn range(&self, worker: &Worker, mut from: usize, to: usize) {
+    fn weight(&self, from: usize, to: usize) -> u64 {
+        self.before[to] - self.before[from]
+    }
+
+    /// The task that runs a range, which the latch must have counted; it must be run, once, while this is alive.
+    fn task(&self, from: usize, to: usize) -> Task {
+        let range = Box::new(Range { spread: self, from, to });
+        Task { data: Box::into_raw(range).cast_const().cast(), run: Range::<T, F>::run }
+    }
+
+    fn range(&self, worker: &Worker, mut from: usize, mut to: usize) {
         while from < to && !self.cancelled.load(Relaxed) {
-            if to - from > 1 && worker.queue.is_empty() {
-                let half = (self.before[to] - self.before[from]) / 2;
-                let middle = split(&self.before, from, to, half).min(to - 1);
-                let weight = self.before[to] - self.before[middle];
-                worker.join_weighted(
-                    weight,
-                    |worker| self.range(worker, from, middle),
-                    |worker| self.range(worker, middle, to),
-                );
-                return;
+            while to - from > 1
+                && (worker.queue.is_empty()
+                    || self.weight(from, from + 1).saturating_mul(GOOD_PART) >= self.weight(from, to))
+            {
+                let middle = split(&self.before, from, to, self.weight(from, to) / 2).min(to - 1);
+                self.latch.add();
+                worker.push(self.task(middle, to), worker.reach(self.weight(middle, to)));
+                to = middle;
             }
             self.item(worker, self.order.position(from));
             from += 1;

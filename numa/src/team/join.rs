@@ -1,16 +1,24 @@
 //! Fork-join inside a task, after rayon and Cilk: `b` is offered to others while `a` runs, and taken back if nobody
-//! wanted it. Waiting for a stolen `b` means helping others, then sleeping.
+//! wanted it. Waiting for a stolen `b` means helping the thief with it, as far as it offers parts of it, then sleeping
+//! (leapfrogging: Wagner, Calder, PPoPP 1993). Anything else would keep whoever waits for this join waiting longer.
 
 use std::cell::UnsafeCell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::AtomicUsize;
+use std::sync::atomic::Ordering::Relaxed;
 
 use super::latch::Latch;
 use super::panic::WorkerPanic;
 use super::{Task, Worker};
 
+/// No worker.
+pub(super) const NOBODY: usize = usize::MAX;
+
 /// A job on the stack of the frame that waits for it.
 pub(super) struct StackJob<F, R> {
     pub(super) latch: Latch,
+    /// Who runs it, once somebody stole it; until then [`NOBODY`].
+    thief: AtomicUsize,
     call: UnsafeCell<Option<F>>,
     result: UnsafeCell<Option<Result<R, Box<WorkerPanic>>>>,
 }
@@ -21,7 +29,12 @@ where
     R: Send,
 {
     pub(super) fn new(call: F, owner: usize) -> Self {
-        Self { latch: Latch::new(1, owner), call: UnsafeCell::new(Some(call)), result: UnsafeCell::new(None) }
+        Self {
+            latch: Latch::new(1, owner),
+            thief: AtomicUsize::new(NOBODY),
+            call: UnsafeCell::new(Some(call)),
+            result: UnsafeCell::new(None),
+        }
     }
 
     /// # Safety
@@ -36,6 +49,8 @@ where
         let this = data.cast::<Self>();
         // SAFETY: alive, and until the latch is set this thread is the only one to touch `call` and `result`.
         unsafe {
+            // Relaxed: whoever reads it only learns where to look.
+            (*this).thief.store(worker.index, Relaxed);
             let call = (*(*this).call.get()).take();
             let outcome = call.map(|call| {
                 catch_unwind(AssertUnwindSafe(|| call(worker)))
@@ -82,16 +97,14 @@ impl Worker {
         // is set.
         self.push(unsafe { job.task() }, reach);
         let first = catch_unwind(AssertUnwindSafe(|| a(self)));
-        // Whatever `a` pushed it took back, so `b` is on top, or stolen; then older tasks are as good as any.
-        while !job.latch.is_set() {
-            match self.queue.pop(reach) {
-                Some(task) if std::ptr::eq(task.data, std::ptr::from_ref(&job).cast()) => {
-                    return self.both(first, || job.call.into_inner().map(|call| call(self)));
-                }
-                Some(task) => self.execute(task),
-                None => self.wait_until(|| job.latch.is_set()),
+        // Whatever `a` pushed it took back, so `b` is on top, or stolen, and with it, as a rule, all that is older.
+        if let Some(task) = self.queue.pop(reach) {
+            if std::ptr::eq(task.data, std::ptr::from_ref(&job).cast()) {
+                return self.both(first, || job.call.into_inner().map(|call| call(self)));
             }
+            self.queue.push(task, reach);
         }
+        self.wait_for_thief(&job.latch, &job.thief);
         self.both(first, || Some(job.into_result().unwrap_or_else(|panic| panic.relay())))
     }
 

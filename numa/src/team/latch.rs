@@ -3,7 +3,7 @@
 //! Setting a latch may free the memory it is in: the owner that sees it set returns from the frame that holds it. So
 //! the setter reads everything it needs before the write, and touches only the team's own state afterwards.
 
-use std::sync::atomic::Ordering::{AcqRel, Acquire};
+use std::sync::atomic::Ordering::{AcqRel, Acquire, Relaxed};
 
 use super::sleep::Sleep;
 use crate::sync::AtomicUsize;
@@ -24,6 +24,12 @@ impl Latch {
     #[inline]
     pub fn is_set(&self) -> bool {
         self.pending.load(Acquire) == 0
+    }
+
+    /// One more thing is to be done; for who does one of them.
+    pub fn add(&self) {
+        // Relaxed: the caller's own count-down, which comes later, is what orders it.
+        self.pending.fetch_add(1, Relaxed);
     }
 
     /// One thing is done.

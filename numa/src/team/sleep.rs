@@ -5,17 +5,26 @@
 //! visible first and looks for sleepers second. Both sides put a `SeqCst` fence between their write and their read, so
 //! one of them sees the other: no task waits while the worker it could wake sleeps for ever.
 //!
-//! `asleep` is taken by exactly one waker (`swap`), who then owes the sleeper one token; a worker that retracts but
-//! finds its flag taken waits for that token, so that none is left over for its next sleep.
+//! `state` is taken back to [`AWAKE`] by exactly one waker, who then owes the sleeper one token; a worker that retracts
+//! but finds its state taken waits for that token, so that none is left over for its next sleep.
+//!
+//! Who waits for one certain thing, and may do nothing else, sleeps **deaf**: new tasks wake others.
 
 use crossbeam_utils::CachePadded;
 use std::sync::atomic::Ordering::{AcqRel, Relaxed, SeqCst};
 
-use crate::sync::{AtomicBool, AtomicUsize, Condvar, Mutex, fence, lock, wait};
+use crate::sync::{AtomicUsize, Condvar, Mutex, fence, lock, wait};
+
+/// Not asleep, nor about to be.
+const AWAKE: usize = 0;
+/// Asleep until there is something to do.
+const ASLEEP: usize = 1;
+/// Asleep until what it waits for is there.
+const DEAF: usize = 2;
 
 #[derive(Debug)]
 struct Bed {
-    asleep: AtomicBool,
+    state: AtomicUsize,
     token: Mutex<bool>,
     wake: Condvar,
 }
@@ -24,6 +33,7 @@ struct Bed {
 #[derive(Debug)]
 pub struct Sleep {
     beds: Box<[CachePadded<Bed>]>,
+    /// How many sleep and are not deaf.
     sleeping: CachePadded<AtomicUsize>,
 }
 
@@ -31,7 +41,7 @@ impl Sleep {
     pub fn new(sleepers: usize) -> Self {
         let bed = |_| {
             CachePadded::new(Bed {
-                asleep: AtomicBool::new(false),
+                state: AtomicUsize::new(AWAKE),
                 token: Mutex::new(false),
                 wake: Condvar::new(),
             })
@@ -42,16 +52,21 @@ impl Sleep {
     /// Says that `who` will sleep unless it finds a reason not to when it looks now.
     pub fn announce(&self, who: usize) {
         // Relaxed: the fence orders both before the look that follows.
-        self.beds[who].asleep.store(true, Relaxed);
+        self.beds[who].state.store(ASLEEP, Relaxed);
         self.sleeping.fetch_add(1, Relaxed);
+        fence(SeqCst);
+    }
+
+    /// As [`Sleep::announce`], for who is to be woken by [`Sleep::wake_after_write`] only.
+    pub fn announce_deaf(&self, who: usize) {
+        // Relaxed: the fence orders it before the look that follows.
+        self.beds[who].state.store(DEAF, Relaxed);
         fence(SeqCst);
     }
 
     /// Takes the announcement back: there is something to do.
     pub fn retract(&self, who: usize) {
-        if self.take(who) {
-            self.sleeping.fetch_sub(1, Relaxed);
-        } else {
+        if !self.take(who, &[ASLEEP, DEAF]) {
             self.sleep(who)
         }
     }
@@ -66,13 +81,12 @@ impl Sleep {
         *token = false;
     }
 
-    /// Wakes `who` if it sleeps or is about to. What it shall find must be written before; the caller's fence or
-    /// [`Sleep::wake_after_write`] orders it.
-    fn wake(&self, who: usize) -> bool {
-        if !self.beds[who].asleep.load(Relaxed) || !self.take(who) {
+    /// Wakes `who` if it sleeps, in one of these states, or is about to. What it shall find must be written before; the
+    /// caller's fence or [`Sleep::wake_after_write`] orders it.
+    fn wake(&self, who: usize, states: &[usize]) -> bool {
+        if !states.contains(&self.beds[who].state.load(Relaxed)) || !self.take(who, states) {
             return false;
         }
-        self.sleeping.fetch_sub(1, Relaxed);
         *lock(&self.beds[who].token) = true;
         self.beds[who].wake.notify_one();
         true
@@ -81,14 +95,14 @@ impl Sleep {
     /// Wakes one certain sleeper after something was made visible to it.
     pub fn wake_after_write(&self, who: usize) {
         fence(SeqCst);
-        self.wake(who);
+        self.wake(who, &[ASLEEP, DEAF]);
     }
 
     /// Wakes the first of `order` that sleeps, after something was made visible.
     pub fn wake_first(&self, order: impl IntoIterator<Item = usize>) {
         fence(SeqCst);
         if self.sleeping.load(Relaxed) > 0 {
-            order.into_iter().any(|who| self.wake(who));
+            order.into_iter().any(|who| self.wake(who, &[ASLEEP]));
         }
     }
 
@@ -101,14 +115,20 @@ impl Sleep {
     pub fn wake_all(&self, order: impl IntoIterator<Item = usize>) {
         fence(SeqCst);
         for who in order {
-            self.wake(who);
+            self.wake(who, &[ASLEEP, DEAF]);
         }
     }
 
-    /// Takes the flag; exactly one of a waker and the retracting owner gets it.
-    fn take(&self, who: usize) -> bool {
+    /// Takes the state if it is one of these; exactly one of a waker and the retracting owner gets it.
+    fn take(&self, who: usize, states: &[usize]) -> bool {
         // AcqRel: the one who takes it comes after the announcement it answers.
-        self.beds[who].asleep.swap(false, AcqRel)
+        let take =
+            |state: &&usize| self.beds[who].state.compare_exchange(**state, AWAKE, AcqRel, Relaxed).is_ok();
+        let taken = states.iter().find(take);
+        if taken == Some(&ASLEEP) {
+            self.sleeping.fetch_sub(1, Relaxed);
+        }
+        taken.is_some()
     }
 }
 
@@ -156,6 +176,42 @@ mod models {
                 if pending.load(Acquire) == 0 { sleep.retract(1) } else { sleep.sleep(1) }
             }
             worker.join().unwrap();
+        });
+    }
+
+    /// A deaf sleeper is woken by what it waits for and leaves new tasks to the other one, which is woken for them.
+    #[test]
+    fn loom_the_deaf_hear_only_what_they_wait_for() {
+        let mut model = loom::model::Builder::new();
+        model.preemption_bound = Some(3);
+        model.check(|| {
+            let sleep = Arc::new(Sleep::new(2));
+            let (task, latch) = (Arc::new(AtomicUsize::new(0)), Arc::new(AtomicUsize::new(0)));
+            let worker = {
+                let (sleep, task) = (Arc::clone(&sleep), Arc::clone(&task));
+                loom::thread::spawn(move || {
+                    while task.load(Acquire) == 0 {
+                        sleep.announce(0);
+                        if task.load(Acquire) > 0 { sleep.retract(0) } else { sleep.sleep(0) }
+                    }
+                })
+            };
+            let waker = {
+                let (sleep, task, latch) = (Arc::clone(&sleep), Arc::clone(&task), Arc::clone(&latch));
+                loom::thread::spawn(move || {
+                    task.store(1, Release);
+                    sleep.wake_first([1, 0]);
+                    latch.store(1, Release);
+                    sleep.wake_after_write(1);
+                })
+            };
+            while latch.load(Acquire) == 0 {
+                sleep.announce_deaf(1);
+                if latch.load(Acquire) > 0 { sleep.retract(1) } else { sleep.sleep(1) }
+            }
+            worker.join().unwrap();
+            waker.join().unwrap();
+            assert_eq!(sleep.sleeping.load(Relaxed), 0);
         });
     }
 

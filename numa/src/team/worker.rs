@@ -5,10 +5,13 @@
 
 use std::cell::{Cell, RefCell};
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::atomic::Ordering::Acquire;
+use std::sync::atomic::AtomicUsize;
+use std::sync::atomic::Ordering::{Acquire, Relaxed};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, TryLockError};
 use std::time::Instant;
 
+use super::join::NOBODY;
+use super::latch::Latch;
 use super::panic::BrokenBarrier;
 use super::times::{Account, Clock, State};
 use super::{Shared, Task};
@@ -56,6 +59,15 @@ const ROUNDS: u32 = 60;
 const BUSY_ROUNDS: u32 = 10;
 /// Pauses between two looks.
 const PAUSES: u32 = 16;
+
+/// Whom a worker helps that waits.
+#[derive(Clone, Copy)]
+enum Help<'a> {
+    /// Whoever offers something.
+    Anybody,
+    /// The worker with this index, if any yet.
+    Thief(&'a AtomicUsize),
+}
 
 impl Worker {
     pub(super) fn new(index: usize, id: usize, shared: Arc<Shared>, queue: Local<Task>) -> Self {
@@ -205,17 +217,26 @@ impl Worker {
 
     /// Helps others until `done`; sleeps when there is nothing to help with. Keeps the state it is called in.
     pub(super) fn wait_until(&self, done: impl Fn() -> bool) {
+        self.keeping_state(|| self.help_until(&done, Help::Anybody));
+    }
+
+    /// Helps who stole the job that the latch is of, with parts of it, until the latch is set.
+    pub(super) fn wait_for_thief(&self, latch: &Latch, thief: &AtomicUsize) {
+        self.keeping_state(|| self.help_until(&|| latch.is_set(), Help::Thief(thief)));
+    }
+
+    fn keeping_state(&self, wait: impl FnOnce()) {
         let state = self.clock.state();
-        self.help_until(&done);
+        wait();
         if self.clock.state() != state {
             self.switch(state);
         }
     }
 
-    fn help_until(&self, done: &dyn Fn() -> bool) {
+    fn help_until(&self, done: &dyn Fn() -> bool, help: Help<'_>) {
         let mut rounds = 0;
         while !done() {
-            if self.help_once() {
+            if self.help_once(help) {
                 rounds = 0;
                 continue;
             }
@@ -228,11 +249,15 @@ impl Worker {
                 continue;
             }
             rounds = 0;
-            self.shared.sleep.announce(self.index);
-            // The announcement is out: whatever appears from now on wakes this worker, so look once more.
+            match help {
+                Help::Anybody => self.shared.sleep.announce(self.index),
+                Help::Thief(_) => self.shared.sleep.announce_deaf(self.index),
+            }
+            // The announcement is out: whatever appears from now on wakes this worker, so look once more. What a thief
+            // offers from now on is for others.
             if done() {
                 self.shared.sleep.retract(self.index);
-            } else if let Some((task, origin)) = self.queue.find(&self.shared.queues) {
+            } else if let Some((task, origin)) = self.find(help) {
                 self.shared.sleep.retract(self.index);
                 self.book(origin, Instant::now());
                 self.execute(task);
@@ -242,9 +267,24 @@ impl Worker {
         }
     }
 
+    fn find(&self, help: Help<'_>) -> Option<(Task, Origin)> {
+        match help {
+            Help::Anybody => self.queue.find(&self.shared.queues),
+            Help::Thief(thief) => match thief.load(Relaxed) {
+                NOBODY => None,
+                thief => {
+                    let near = self.shared.plan.slots[thief].node == self.node();
+                    self.shared.queues.take_from(thief, near)
+                }
+            },
+        }
+    }
+
     /// Runs one task if there is any; its own ones without reading the clock.
-    fn help_once(&self) -> bool {
-        if let Some(task) = self.queue.pop(Reach::Node).or_else(|| self.queue.pop(Reach::Machine)) {
+    fn help_once(&self, help: Help<'_>) -> bool {
+        if matches!(help, Help::Anybody)
+            && let Some(task) = self.queue.pop(Reach::Node).or_else(|| self.queue.pop(Reach::Machine))
+        {
             if self.clock.state() != State::Busy {
                 self.switch(State::Busy);
             }
@@ -255,7 +295,7 @@ impl Worker {
         if self.clock.state() == State::Busy {
             self.clock.switch_at(self.account(), State::Idle, started);
         }
-        let Some((task, origin)) = self.queue.find(&self.shared.queues) else { return false };
+        let Some((task, origin)) = self.find(help) else { return false };
         self.book(origin, started);
         self.execute(task);
         true
@@ -281,7 +321,7 @@ impl Worker {
         let mut seen = 0;
         loop {
             let epoch = || self.shared.epoch.load(Acquire);
-            self.help_until(&|| epoch() != seen || self.shared.shutdown.load(Acquire));
+            self.help_until(&|| epoch() != seen || self.shared.shutdown.load(Acquire), Help::Anybody);
             if epoch() == seen {
                 break;
             }

@@ -1,6 +1,7 @@
 //! One batch as a stealing team runs it, replayed event by event (`schedule::crew` and `ccnuma`'s team): items go to the inboxes of their home
-//! nodes, the costliest first, one range per worker; a range offers half of itself whenever its worker has nothing else on offer, a task at each
-//! of its forks; who has nothing to do takes the oldest offer of the nearest.
+//! nodes, the costliest first, one range per worker; a range offers half of itself whenever its worker has nothing else on offer or an item to
+//! run that is a good part of it, a task at each of its forks; who has nothing to do takes the oldest offer of the nearest, who waits for a
+//! half that was stolen only what its thief offers.
 
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, VecDeque};
@@ -9,6 +10,9 @@ use crate::schedule::Part;
 
 use super::site::{Look, Site};
 use super::{Account, Nanos};
+
+/// An item of at least this share of its range's weight is run after the rest has been offered, as in `ccnuma`.
+const GOOD_PART: u64 = 8;
 
 /// Something to do, owned by nobody yet.
 pub(super) struct Item<'r> {
@@ -46,6 +50,8 @@ struct Offer {
 struct Fork {
     done: bool,
     owner: usize,
+    /// Who took the second half, if anybody did.
+    thief: Option<usize>,
 }
 
 struct Replay<'a, 'r> {
@@ -58,7 +64,10 @@ struct Replay<'a, 'r> {
     offers: Vec<VecDeque<Offer>>,
     stacks: Vec<Vec<Frame>>,
     forks: Vec<Fork>,
+    /// Who waits for something to do.
     waiting: Vec<bool>,
+    /// Who waits for a fork's second half and has nothing to help with.
+    deaf: Vec<bool>,
     events: BinaryHeap<Reverse<(Nanos, usize)>>,
     account: &'a mut Account,
     end: Nanos,
@@ -81,6 +90,7 @@ pub(super) fn replay(site: &Site, mut items: Vec<Item<'_>>, account: &mut Accoun
         stacks: vec![Vec::new(); workers],
         forks: Vec::new(),
         waiting: vec![false; workers],
+        deaf: vec![false; workers],
         events: (0..workers).map(|worker| Reverse((site.start(worker), worker))).collect(),
         account,
         end: 0,
@@ -123,10 +133,10 @@ impl Replay<'_, '_> {
         while let Some(frame) = self.stacks[worker].pop() {
             match frame {
                 Frame::Range(from, to) if from == to => {}
-                Frame::Range(from, to) if to - from > 1 && self.offers[worker].is_empty() => {
+                Frame::Range(from, to) if to - from > 1 && self.offers_half(worker, from, to) => {
                     let half = (self.before[to] - self.before[from]) / 2;
                     let middle = self.split(from, to, half).min(to - 1);
-                    self.offer(worker, now, Frame::Range(middle, to));
+                    self.offer(worker, now, Offer { frame: Frame::Range(middle, to), fork: None });
                     self.stacks[worker].push(Frame::Range(from, middle));
                 }
                 Frame::Range(from, to) => {
@@ -148,33 +158,51 @@ impl Replay<'_, '_> {
                         let middle = at + 1 + first as usize;
                         let after = middle + second as usize;
                         self.stacks[worker].push(Frame::Parts(item, after, end));
+                        let fork = self.forks.len();
+                        self.forks.push(Fork { done: false, owner: worker, thief: None });
+                        self.stacks[worker].push(Frame::Join(fork));
                         let second = Frame::Parts(item, middle, after);
-                        self.offer(worker, now, second);
+                        self.offer(worker, now, Offer { frame: second, fork: Some(fork) });
                         self.stacks[worker].push(Frame::Parts(item, at + 1, middle));
                     }
                 },
                 Frame::Done(fork) => {
                     self.forks[fork].done = true;
-                    self.wake(self.forks[fork].owner, now);
+                    let owner = self.forks[fork].owner;
+                    if std::mem::take(&mut self.deaf[owner]) {
+                        self.events.push(Reverse((now + self.site.wake(), owner)));
+                    }
                 }
                 Frame::Join(fork) if self.forks[fork].done => {}
-                Frame::Join(fork) => match self.offers[worker].pop_back() {
-                    Some(offer) => self.stacks[worker].push(offer.frame),
-                    None => {
-                        self.stacks[worker].push(Frame::Join(fork));
-                        return self.look(worker, now);
+                Frame::Join(fork) => {
+                    match self.offers[worker].pop_back_if(|offer| offer.fork == Some(fork)) {
+                        Some(offer) => self.stacks[worker].push(offer.frame),
+                        None => {
+                            self.stacks[worker].push(Frame::Join(fork));
+                            return self.help(worker, now, fork);
+                        }
                     }
-                },
+                }
             }
         }
-        self.look(worker, now);
+        // What others may still take of its ranges is its own first.
+        match self.offers[worker].pop_back() {
+            Some(offer) => {
+                self.stacks[worker].push(offer.frame);
+                self.events.push(Reverse((now, worker)));
+            }
+            None => self.look(worker, now),
+        }
     }
 
-    fn offer(&mut self, worker: usize, now: Nanos, frame: Frame) {
-        let fork = self.forks.len();
-        self.forks.push(Fork { done: false, owner: worker });
-        self.offers[worker].push_back(Offer { frame, fork: Some(fork) });
-        self.stacks[worker].push(Frame::Join(fork));
+    /// Whether the next item waits until half of the range has been offered.
+    fn offers_half(&self, worker: usize, from: usize, to: usize) -> bool {
+        let (item, range) = (self.before[from + 1] - self.before[from], self.before[to] - self.before[from]);
+        self.offers[worker].is_empty() || item * GOOD_PART >= range
+    }
+
+    fn offer(&mut self, worker: usize, now: Nanos, offer: Offer) {
+        self.offers[worker].push_back(offer);
         self.account.forks += 1;
         let nearest = self.site.looks[worker].iter().find_map(|look| match look {
             Look::Workers(workers) => workers.iter().find(|other| self.waiting[**other]),
@@ -224,15 +252,34 @@ impl Replay<'_, '_> {
             self.waiting[worker] = true;
             return;
         };
-        let steal = if stolen { self.site.steal(worker, node) } else { 0 };
-        self.account.overhead += steal;
-        if stolen {
-            *if node == here { &mut self.account.steals_near } else { &mut self.account.steals_far } += 1;
+        if stolen { self.steal(worker, now, offer, node) } else { self.take(worker, now, offer) }
+    }
+
+    /// Takes what the thief of a fork's second half offers; waits where that is nothing.
+    fn help(&mut self, worker: usize, now: Nanos, fork: usize) {
+        let offered = self.forks[fork]
+            .thief
+            .and_then(|thief| self.offers[thief].pop_front().map(|offer| (offer, self.site.node[thief])));
+        match offered {
+            Some((offer, node)) => self.steal(worker, now, offer, node),
+            None => self.deaf[worker] = true,
         }
+    }
+
+    fn steal(&mut self, worker: usize, now: Nanos, offer: Offer, node: usize) {
+        let near = node == self.site.node[worker];
+        *if near { &mut self.account.steals_near } else { &mut self.account.steals_far } += 1;
+        let steal = self.site.steal(worker, node);
+        self.account.overhead += steal;
+        self.take(worker, now + steal, offer);
+    }
+
+    fn take(&mut self, worker: usize, now: Nanos, offer: Offer) {
         if let Some(fork) = offer.fork {
+            self.forks[fork].thief = Some(worker);
             self.stacks[worker].push(Frame::Done(fork));
         }
         self.stacks[worker].push(offer.frame);
-        self.events.push(Reverse((now + steal, worker)));
+        self.events.push(Reverse((now, worker)));
     }
 }
