@@ -1,0 +1,58 @@
+"""Irradiance at points by Radiance: rtrace -I with the ambient cache."""
+
+import os
+import subprocess
+import time
+from pathlib import Path
+
+import numpy as np
+
+# Accuracy, divisions and supersamples of the ambient calculation.
+SETTINGS = [(0.3, 256, 64), (0.2, 512, 128), (0.1, 1024, 256), (0.05, 4096, 1024)]
+
+
+class Radiance:
+    name = "radiance"
+    settings = SETTINGS
+
+    def __init__(self, workplace):
+        import pyradiance
+
+        home = Path(pyradiance.__file__).parent
+        self.place = Path(workplace)
+        self.bin = home / "bin"
+        self.environment = dict(os.environ, RAYPATH=str(home / "lib"))
+        told = subprocess.run([self.bin / "rtrace", "-version"], capture_output=True, text=True, env=self.environment)
+        self.version = told.stdout.strip().removeprefix("RADIANCE ")
+
+    def load(self, faces):
+        text = ""
+        for number, face in enumerate(faces):
+            values = lambda numbers: " ".join(f"{n:.9g}" for n in numbers)
+            if face.exitance.any():
+                text += f"void light m{number}\n0\n0\n3 {values(face.exitance / np.pi)}\n"
+            else:
+                text += f"void plastic m{number}\n0\n0\n5 {values(face.reflectance)} 0 0\n"
+            text += f"m{number} polygon f{number}\n0\n0\n{face.corners.size} {values(face.corners.ravel())}\n"
+        self.octree = self.place / "scene.oct"
+        (self.place / "scene.rad").write_text(text)
+        with open(self.octree, "wb") as out:
+            subprocess.run([self.bin / "oconv", self.place / "scene.rad"], stdout=out, env=self.environment, check=True)
+
+    def solve(self, points, setting, threads):
+        """Seconds, and irradiance per point and band."""
+        accuracy, divisions, supersamples = setting
+        cache = self.place / "ambient"
+        cache.unlink(missing_ok=True)
+        command = f"-n {threads} -h -I+ -ab 8 -aa {accuracy} -ad {divisions} -as {supersamples} -ar 256"
+        command += f" -lw 1e-6 -lr 12 -ds 0.05 -dj 0 -dt 0 -dc 1 -faa -af {cache} {self.octree}"
+        start = time.perf_counter()
+        done = subprocess.run(
+            [self.bin / "rtrace", *command.split()],
+            input="\n".join(" ".join(f"{v:.9g}" for v in point) for point in points).encode(),
+            capture_output=True,
+            env=self.environment,
+            check=True,
+        )
+        seconds = time.perf_counter() - start
+        return seconds, np.array(done.stdout.split(), dtype=float).reshape(-1, 3)
