@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 # Accuracy, divisions and supersamples of the ambient calculation.
-SETTINGS = [(0.3, 256, 64), (0.2, 512, 128), (0.1, 1024, 256), (0.05, 4096, 1024)]
+SETTINGS = [(0.3, 256, 64), (0.2, 256, 64), (0.1, 256, 64), (0.05, 512, 128)]
 
 
 class Radiance:

@@ -161,7 +161,7 @@ pub(super) fn plots(study: &ErrorCurves) -> Vec<(String, LogLog<'_>)> {
                     curve.cases.iter().filter_map(point).collect()
                 };
                 let mut push = |label, points, style| {
-                    series.push(Series { label, points, colour: Some(colour), style });
+                    series.push(Series { label, points, colour, style });
                 };
                 push(Some(curve.basis.clone()), against(|case| Some(case.irradiance.rms)), Style::Line);
                 if at_probes {
@@ -177,6 +177,7 @@ pub(super) fn plots(study: &ErrorCurves) -> Vec<(String, LogLog<'_>)> {
                 x: "RMS error of irradiance, % (circles: at reference probes)",
                 y: "seconds",
                 series: of(|case| case.seconds.median, true),
+                guides: &[],
             },
         ));
         plots.push((
@@ -186,6 +187,7 @@ pub(super) fn plots(study: &ErrorCurves) -> Vec<(String, LogLog<'_>)> {
                 x: "RMS error of irradiance, %",
                 y: "elements",
                 series: of(|case| case.elements as f64, false),
+                guides: &[],
             },
         ));
     }
@@ -195,13 +197,7 @@ pub(super) fn plots(study: &ErrorCurves) -> Vec<(String, LogLog<'_>)> {
 
 /// Estimates over true errors, all scenes together.
 fn estimates(study: &ErrorCurves) -> LogLog<'_> {
-    let guide = |factor: f64, label: Option<&str>| Series {
-        label: label.map(str::to_owned),
-        points: vec![(1e-4, factor * 1e-4), (1e3, factor * 1e3)],
-        colour: None,
-        style: Style::Guide,
-    };
-    let mut series = vec![guide(1.0, Some("the truth, and twice it")), guide(2.0, None)];
+    let mut series = Vec::new();
     let mut names: Vec<&str> = Vec::new();
     let curves = study.scenes.iter().flat_map(|scene| &scene.curves);
     for curve in curves {
@@ -213,11 +209,18 @@ fn estimates(study: &ErrorCurves) -> LogLog<'_> {
         series.push(Series {
             label: named.is_none().then(|| curve.basis.clone()),
             points: curve.cases.iter().map(|c| (100.0 * c.reflected.rms, 100.0 * c.estimate)).collect(),
-            colour: Some(colour),
+            colour,
             style: Style::Circles,
         });
     }
-    LogLog { caption: "Estimates", x: "true error of reflected radiosity, %", y: "estimate, %", series }
+    let caption = "Estimates (lines: the true error, and twice it)";
+    LogLog {
+        caption,
+        x: "true error of reflected radiosity, %",
+        y: "estimate, %",
+        series,
+        guides: &[1.0, 2.0],
+    }
 }
 
 fn percent(share: f64) -> String {

@@ -15,6 +15,8 @@ pub(super) struct LogLog<'a> {
     pub y: &'a str,
     /// What is drawn.
     pub series: Vec<Series>,
+    /// Thin lines `y = factor · x`, each with its factor.
+    pub guides: &'a [f64],
 }
 
 /// Points that belong together; those that are not above zero are left out.
@@ -23,8 +25,8 @@ pub(super) struct Series {
     pub label: Option<String>,
     /// The points.
     pub points: Vec<(f64, f64)>,
-    /// Number of its colour; grey without one.
-    pub colour: Option<usize>,
+    /// Number of its colour.
+    pub colour: usize,
     /// How it is drawn.
     pub style: Style,
 }
@@ -36,8 +38,6 @@ pub(super) enum Style {
     Line,
     /// Circles.
     Circles,
-    /// A thin line that does not count for the axes.
-    Guide,
 }
 
 impl Series {
@@ -46,7 +46,7 @@ impl Series {
     }
 
     fn colour(&self) -> RGBColor {
-        self.colour.map_or(GREY, |number| COLOURS[number % COLOURS.len()])
+        COLOURS[self.colour % COLOURS.len()]
     }
 }
 
@@ -62,8 +62,8 @@ impl LogLog<'_> {
 
     fn draw<'a>(&self, area: &DrawingArea<SVGBackend<'a>, Shift>) -> Drawn<'a> {
         area.fill(&WHITE)?;
-        let points = || self.series.iter().filter(|s| s.style != Style::Guide).flat_map(Series::points);
-        let (x, y) = (range(points().map(|(x, _)| x)), range(points().map(|(_, y)| y)));
+        let points = || self.series.iter().flat_map(Series::points);
+        let (x, y) = (decades(points().map(|(x, _)| x)), decades(points().map(|(_, y)| y)));
         let mut chart = ChartBuilder::on(area)
             .caption(self.caption, ("sans-serif", 18))
             .margin(12)
@@ -78,29 +78,27 @@ impl LogLog<'_> {
             .y_label_formatter(&|y| short(*y))
             .light_line_style(RGBColor(240, 240, 240))
             .draw()?;
-        for series in &self.series {
-            let colour = series.colour();
-            let width = if series.style == Style::Guide { 1 } else { 2 };
-            if series.style != Style::Circles {
-                let line = LineSeries::new(series.points(), colour.stroke_width(width));
-                let drawn = chart.draw_series(line)?;
-                if let Some(label) = &series.label {
-                    drawn.label(label).legend(move |(x, y)| {
-                        PathElement::new([(x, y), (x + 18, y)], colour.stroke_width(width))
-                    });
-                }
+        for factor in self.guides {
+            // Within the plot: what is outside would be moved to its border.
+            let ends = [x.0.max(y.0 / factor), x.1.min(y.1 / factor)];
+            if ends[0] < ends[1] {
+                chart.draw_series(LineSeries::new(ends.map(|x| (x, factor * x)), GREY))?;
             }
-            match series.style {
-                Style::Guide => {}
-                Style::Line => {
-                    chart.draw_series(series.points().map(|at| Circle::new(at, 3, colour.filled())))?;
-                }
-                Style::Circles => {
-                    let drawn = chart.draw_series(series.points().map(|at| Circle::new(at, 5, colour)))?;
-                    if let Some(label) = &series.label {
-                        drawn.label(label).legend(move |(x, y)| Circle::new((x + 9, y), 5, colour));
-                    }
-                }
+        }
+        for series in &self.series {
+            let (colour, line) = (series.colour(), series.style == Style::Line);
+            let drawn = match line {
+                true => chart.draw_series(LineSeries::new(series.points(), colour.stroke_width(2)))?,
+                false => chart.draw_series(series.points().map(|at| Circle::new(at, 5, colour)))?,
+            };
+            if let Some(label) = &series.label {
+                let radius = if line { 3 } else { 5 };
+                drawn
+                    .label(label)
+                    .legend(move |(x, y)| Circle::new((x + 9, y), radius, colour.stroke_width(2)));
+            }
+            if line {
+                chart.draw_series(series.points().map(|at| Circle::new(at, 3, colour.filled())))?;
             }
         }
         chart
@@ -113,10 +111,14 @@ impl LogLog<'_> {
     }
 }
 
-/// A range round all values.
-fn range(values: impl Iterator<Item = f64>) -> (f64, f64) {
+/// Whole decades round all values.
+fn decades(values: impl Iterator<Item = f64>) -> (f64, f64) {
     let (least, most) = values.fold((f64::INFINITY, 0.0f64), |(least, most), v| (least.min(v), most.max(v)));
-    if most > 0.0 { (least / 1.5, most * 1.5) } else { (0.1, 10.0) }
+    if most == 0.0 {
+        return (0.1, 10.0);
+    }
+    let least = least.log10().floor();
+    (10f64.powf(least), 10f64.powf(most.log10().ceil().max(least + 1.0)))
 }
 
 /// A number with no more digits than it needs.
@@ -134,14 +136,22 @@ mod tests {
 
     #[test]
     fn only_what_has_a_logarithm_is_drawn() {
-        let series =
-            |points| Series { label: Some("m3".to_owned()), points, colour: Some(0), style: Style::Line };
-        let plot =
-            |points| LogLog { caption: "Time", x: "error", y: "s", series: vec![series(points)] }.svg();
+        let series = |points| Series { label: Some("m3".to_owned()), points, colour: 0, style: Style::Line };
+        let plot = |points| {
+            LogLog { caption: "Time", x: "error", y: "s", series: vec![series(points)], guides: &[1.0, 1e9] }
+                .svg()
+        };
         let svg = plot(vec![(0.1, 1.0), (0.0, 3.0), (0.01, f64::NAN), (0.001, 100.0)]).unwrap();
         assert!(svg.starts_with("<svg") && svg.contains("m3"));
-        assert_eq!(svg.matches("<circle").count(), 2);
+        assert_eq!(svg.matches("<circle").count(), 2 + 1, "and one in the legend");
         assert!(plot(vec![]).is_ok());
+    }
+
+    #[test]
+    fn axes_hold_whole_decades() {
+        assert_eq!(decades([0.2, 30.0].into_iter()), (0.1, 100.0));
+        assert_eq!(decades([10.0].into_iter()), (10.0, 100.0));
+        assert_eq!(decades([].into_iter()), (0.1, 10.0));
     }
 
     #[test]

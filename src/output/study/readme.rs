@@ -77,9 +77,9 @@ pub(super) fn error(study: &ErrorReport, plots: &[String]) -> String {
     scenes.iter().for_each(|scene| text += &format!("* {}: {}\n", scene.name, size(scene)));
     let _ = write!(
         text,
-        "\n{WHAT_IS_TRUE}Errors are measured at {} points spread over all surfaces by area, against a solution {FINER} times finer than the \
-         least error asked for, and at the reference probes where a scene has them: the first shares what all solutions may have in \
-         common, the second carries noise.\n",
+        "\n{WHAT_IS_TRUE}Errors are measured at {} points spread over all surfaces by area, against a solution {FINER} times finer than the least\n\
+         error asked for, and at the reference probes where a scene has them: the first shares what all solutions may have in common, the\n\
+         second carries noise.\n",
         result.points
     );
     for (scene, name) in result.scenes.iter().zip(names) {
@@ -101,7 +101,7 @@ pub(super) fn error(study: &ErrorReport, plots: &[String]) -> String {
 fn truth(scene: &SceneCurves) -> String {
     let truth = &scene.truth;
     let mut text = format!(
-        "The finer solution: {}, error asked for {:.3} %, estimated {:.3} %, {} elements, {:.1} s",
+        "The finer solution: {}, error asked for {:.3} %, estimated {:.3} %, {} elements,\n{:.1} s",
         truth.basis,
         100.0 * truth.error,
         100.0 * truth.estimate,
@@ -112,8 +112,7 @@ fn truth(scene: &SceneCurves) -> String {
         let noise = truth.noise.map(|noise| format!("; their noise: {:.3} %", 100.0 * noise));
         let _ = write!(
             text,
-            "; {:.3} % off at the reference probes (median {:.3} %{}). What is below that in the tables is how solutions agree, not how true they \
-             are",
+            "; {:.3} % off at the reference probes (median {:.3} %{}).\nWhat is below that in the tables is how solutions agree, not how true they are",
             100.0 * deviation.rms,
             100.0 * deviation.median,
             noise.unwrap_or_default()
