@@ -108,14 +108,14 @@ def seconds_to(curve, level, random):
     return None
 
 
-def table(rows):
-    """Seconds at equal errors, in Markdown: the best of wrad's bases, and how many times longer peers take."""
-    text = "| scene | threads | RMS | wrad | mitsuba | times wrad | radiance | times wrad |\n|---|---:|---:|---:|---:|---:|---:|---:|\n"
+def table(rows, error):
+    """Seconds at equal errors, RMS or median, in Markdown: the best of wrad's bases, and how many times longer peers take."""
+    text = f"| scene | threads | {error} | wrad | mitsuba | times wrad | radiance | times wrad |\n|---|---:|---:|---:|---:|---:|---:|---:|\n"
     for scene, count in dict.fromkeys((row[0], row[3]) for row in rows):
         curves = {}
         for row in rows:
             if (row[0], row[3]) == (scene, count):
-                curves.setdefault(curve_of(row[1], row[2].split()), []).append((row[7], row[4]))
+                curves.setdefault(curve_of(row[1], row[2].split()), []).append((row[COLUMNS.index(error)], row[4]))
         for level in LEVELS:
             reached = {name: seconds_to(curve, level, name == "mitsuba") for name, curve in curves.items()}
             best = min((s for name, s in reached.items() if name.startswith("wrad") and s), default=None)
@@ -152,9 +152,21 @@ beforehand; beyond its finest run its error goes on as 1/√time. radiance: rtra
 over points and bands; true is wrad's own solution in M3 to {options.truth:g}. Off the Monte Carlo probes that solution is:
 
 {''.join(f'* {truth}' + chr(10) for truth in truths)}
-Errors of that size or below are not to be trusted. Seconds to equal errors, interpolated in logarithms; – was not reached:
+Errors of that size or below are not to be trusted. Seconds to equal RMS errors, interpolated in logarithms; – was not reached:
 
-{table(rows)}"""
+{table(rows, 'rms')}
+The same for median errors, which few bad points do not change:
+
+{table(rows, 'median')}"""
+
+
+def installed(workplace):
+    """The peers that are here."""
+    for peer in (Mitsuba, Radiance):
+        try:
+            yield peer(workplace)
+        except ImportError as problem:
+            say(f"left out: {problem}; scripts/peers/run --install installs it")
 
 
 def say(text):
@@ -167,7 +179,7 @@ def main():
     rows, truths, loads = [], [], [os.getloadavg()[0]]
     with tempfile.TemporaryDirectory() as workplace:
         wrad = Wrad(options.wrad, workplace)
-        peers = [Mitsuba(workplace), Radiance(workplace)]
+        peers = list(installed(workplace))
         for scene in options.scene:
             measured, truth = measure(scene, options, wrad, peers)
             rows, truths, loads = rows + measured, truths + [truth], loads + [os.getloadavg()[0]]
@@ -176,7 +188,7 @@ def main():
     with open(out / "comparison.csv", "w", newline="") as file:
         csv.writer(file, lineterminator="\n").writerows([COLUMNS, *rows])
     (out / "README.md").write_text(readme(options, [wrad, *peers], truths, rows, loads))
-    print(table(rows) + f"written to {out}")
+    print(table(rows, "rms") + f"written to {out}")
 
 
 main()

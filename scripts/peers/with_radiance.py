@@ -11,6 +11,17 @@ import numpy as np
 SETTINGS = [(0.3, 256, 64), (0.2, 256, 64), (0.1, 256, 64), (0.05, 512, 128)]
 
 
+BEHIND = 1e-4  # metres
+
+
+def values(numbers):
+    return " ".join(f"{number:.9g}" for number in numbers)
+
+
+def polygon(material, name, corners):
+    return f"{material} polygon {name}\n0\n0\n{corners.size} {values(corners.ravel())}\n"
+
+
 class Radiance:
     name = "radiance"
     settings = SETTINGS
@@ -26,14 +37,15 @@ class Radiance:
         self.version = told.stdout.strip().removeprefix("RADIANCE ")
 
     def load(self, faces):
-        text = ""
+        text = "void plastic black\n0\n0\n5 0 0 0 0 0\n"
         for number, face in enumerate(faces):
-            values = lambda numbers: " ".join(f"{n:.9g}" for n in numbers)
             if face.exitance.any():
                 text += f"void light m{number}\n0\n0\n3 {values(face.exitance / np.pi)}\n"
+                # Rays from behind pass through a light: something black closes it.
+                text += polygon("black", f"b{number}", face.corners[::-1] - BEHIND * face.normal)
             else:
                 text += f"void plastic m{number}\n0\n0\n5 {values(face.reflectance)} 0 0\n"
-            text += f"m{number} polygon f{number}\n0\n0\n{face.corners.size} {values(face.corners.ravel())}\n"
+            text += polygon(f"m{number}", f"f{number}", face.corners)
         self.octree = self.place / "scene.oct"
         (self.place / "scene.rad").write_text(text)
         with open(self.octree, "wb") as out:
@@ -49,7 +61,7 @@ class Radiance:
         start = time.perf_counter()
         done = subprocess.run(
             [self.bin / "rtrace", *command.split()],
-            input="\n".join(" ".join(f"{v:.9g}" for v in point) for point in points).encode(),
+            input="\n".join(values(point) for point in points).encode(),
             capture_output=True,
             env=self.environment,
             check=True,
