@@ -33,7 +33,7 @@ def arguments():
     parser.add_argument("--truth", type=float, default=0.003, help="error asked of the solution taken for true [%(default)s]")
     parser.add_argument("--longest", type=float, default=60, help="seconds [%(default)s]")
     parser.add_argument("--wrad", default="target/release/wrad", help="[%(default)s]")
-    parser.add_argument("--out", default=f"results/{date.today()}-peers", help="directory [%(default)s]")
+    parser.add_argument("--out", help="directory [results/<date>-<host>-<commit>/peers]")
     return parser.parse_args()
 
 
@@ -183,7 +183,8 @@ def main():
         for scene in options.scene:
             measured, truth = measure(scene, options, wrad, peers)
             rows, truths, loads = rows + measured, truths + [truth], loads + [os.getloadavg()[0]]
-    out = Path(options.out)
+    commit = wrad.version.partition("(")[2].rstrip(")") or "unknown"
+    out = Path(options.out or f"results/{date.today()}-{os.uname().nodename}-{commit}/peers")
     out.mkdir(parents=True, exist_ok=True)
     with open(out / "comparison.csv", "w", newline="") as file:
         csv.writer(file, lineterminator="\n").writerows([COLUMNS, *rows])
