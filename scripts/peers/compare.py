@@ -98,14 +98,16 @@ def measure(scene, options, wrad, peers):
 
 
 def seconds_to(curve, level, random):
-    """Seconds to an RMS error, straight in logarithms between runs; what is random goes on as 1/√n. None where it was not reached."""
-    curve = sorted(curve, reverse=True)  # (rms, seconds), from coarse to fine
-    for (r0, s0), (r1, s1) in zip(curve, curve[1:]):
-        if r0 >= level >= r1 and r0 > r1 > 0:
-            return s0 * (s1 / s0) ** (math.log(level / r0) / math.log(r1 / r0))
-    if curve and random and level < curve[-1][0]:
-        return curve[-1][1] * (curve[-1][0] / level) ** 2
-    return None
+    """Seconds to an error, straight in logarithms between runs, after "". What was there from the first is "< ", what was not reached "> ";
+    but what is random goes on as 1/√n."""
+    curve = sorted(curve, reverse=True)  # (error, seconds), from coarse to fine
+    (first, least), (last, most) = curve[0], curve[-1]
+    if first <= level:
+        return "< ", least
+    for (e0, s0), (e1, s1) in zip(curve, curve[1:]):
+        if e0 > level >= e1 > 0:
+            return "", s0 * (s1 / s0) ** (math.log(level / e0) / math.log(e1 / e0))
+    return ("", most * (last / level) ** 2) if random else ("> ", most)
 
 
 def table(rows, error):
@@ -118,12 +120,15 @@ def table(rows, error):
                 curves.setdefault(curve_of(row[1], row[2].split()), []).append((row[COLUMNS.index(error)], row[4]))
         for level in LEVELS:
             reached = {name: seconds_to(curve, level, name == "mitsuba") for name, curve in curves.items()}
-            best = min((s for name, s in reached.items() if name.startswith("wrad") and s), default=None)
-            cells = [scene, str(count), f"{100 * level:g} %", f"{best:.2f} s" if best else "–"]
+            ours = [(s, sign) for name, (sign, s) in reached.items() if name.startswith("wrad") and sign != "> "]
+            best, early = min(ours, default=(None, ""))
+            cells = [scene, str(count), f"{100 * level:g} %", f"{early}{best:.2f} s" if ours else "–"]
             for peer in ("mitsuba", "radiance"):
-                taken = reached.get(peer)
-                cells.append(f"{taken:.2f} s" if taken else "–")
-                cells.append(f"{taken / best:.2f}" if taken and best else "–")
+                sign, taken = reached.get(peer, ("", None))
+                cells.append(f"{sign}{taken:.2f} s" if taken else "–")
+                # At least so many times, where we were there earlier or they later; unknown where both were earlier.
+                known = taken and ours and not (early and sign == "< ")
+                cells.append(f"{'> ' if early else sign}{taken / best:.1f}" if known else "–")
             text += "| " + " | ".join(cells) + " |\n"
     return text
 
@@ -136,12 +141,11 @@ def processor():
 
 
 def readme(options, programs, truths, rows, loads):
-    names = [Path(scene).stem for scene in options.scene]
     versions = "".join(f"* {program.name} {program.version}\n" for program in programs)
     load = ", ".join(f"{load:.1f}" for load in loads)
     return f"""# wrad beside its peers
 
-    scripts/peers/run {' '.join(names)} --points {options.points} --threads {options.threads} --repeat {options.repeat} --truth {options.truth:g}
+    scripts/peers/run {' '.join(options.scene)} --points {options.points} --threads {options.threads} --repeat {options.repeat} --truth {options.truth:g} --longest {options.longest:g}
 
 {versions}* {processor()}, {os.cpu_count()} CPUs; load (one minute's mean) before, between and after scenes: {load}. What is measured runs on
   one thread or two: a load beyond that is others', and falls on all programs alike, for their runs are interleaved.
@@ -152,7 +156,8 @@ beforehand; beyond its finest run its error goes on as 1/√time. radiance: rtra
 over points and bands; true is wrad's own solution in M3 to {options.truth:g}. Off the Monte Carlo probes that solution is:
 
 {''.join(f'* {truth}' + chr(10) for truth in truths)}
-Errors of that size or below are not to be trusted. Seconds to equal RMS errors, interpolated in logarithms; – was not reached:
+Errors of that size or below are not to be trusted. Seconds to equal RMS errors, interpolated in logarithms; < was
+reached by the coarsest run, > not by the finest:
 
 {table(rows, 'rms')}
 The same for median errors, which few bad points do not change:
@@ -192,4 +197,5 @@ def main():
     print(table(rows, "rms") + f"written to {out}")
 
 
-main()
+if __name__ == "__main__":
+    main()
