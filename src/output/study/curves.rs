@@ -37,28 +37,28 @@ pub(super) fn csv_of_all(study: &ErrorCurves) -> String {
         "probes_rms",
         "probes_median",
     ]);
-    let rows = study.scenes.iter().flat_map(|scene| {
-        let of_curve = move |curve| (scene, curve);
-        scene.curves.iter().map(of_curve).flat_map(|(scene, curve)| {
-            let of_case = |case: &Case| {
-                let mut row = vec![scene.scene.clone(), curve.basis.clone(), case.error.to_string()];
-                let seconds = case.seconds;
-                row.extend([seconds.median, seconds.least, seconds.greatest].map(|s| s.to_string()));
-                row.extend([seconds.count.to_string(), case.elements.to_string(), case.passes.to_string()]);
-                let counts =
-                    [case.rays, case.kernel_evaluations, case.lambert_evaluations, case.memory_bytes];
-                row.extend(counts.map(|count| count.to_string()));
-                let errors = [case.estimate, case.reflected.rms, case.irradiance.rms, case.irradiance.median];
-                row.extend(errors.map(|error| error.to_string()));
-                let at_probes = |share: f64| share.to_string();
-                row.push(case.at_probes.map_or_else(String::new, |probes| at_probes(probes.rms)));
-                row.push(case.at_probes.map_or_else(String::new, |probes| at_probes(probes.median)));
-                row
-            };
-            curve.cases.iter().map(of_case).collect::<Vec<_>>()
-        })
-    });
-    csv(std::iter::once(header).chain(rows))
+    let mut rows = vec![header];
+    for scene in &study.scenes {
+        for curve in &scene.curves {
+            rows.extend(curve.cases.iter().map(|case| csv_of(&scene.scene, &curve.basis, case)));
+        }
+    }
+    csv(rows.into_iter())
+}
+
+fn csv_of(scene: &str, basis: &str, case: &Case) -> Vec<String> {
+    let seconds = case.seconds;
+    let counts = [case.rays, case.kernel_evaluations, case.lambert_evaluations, case.memory_bytes];
+    let errors = [case.estimate, case.reflected.rms, case.irradiance.rms, case.irradiance.median];
+    let at_probes =
+        |share: fn(Deviation) -> f64| case.at_probes.map_or_else(String::new, |d| share(d).to_string());
+    let mut row = vec![scene.to_owned(), basis.to_owned(), case.error.to_string()];
+    row.extend([seconds.median, seconds.least, seconds.greatest].map(|s| s.to_string()));
+    row.extend([seconds.count.to_string(), case.elements.to_string(), case.passes.to_string()]);
+    row.extend(counts.map(|count| count.to_string()));
+    row.extend(errors.map(|error| error.to_string()));
+    row.extend([at_probes(|d| d.rms), at_probes(|d| d.median)]);
+    row
 }
 
 /// All tables, in Markdown.
@@ -138,6 +138,9 @@ fn levels_by(scene: &SceneCurves, whose: &str, judged: fn(&Case) -> Option<Devia
 pub(super) fn honesty(study: &ErrorCurves) -> String {
     let cases = study.scenes.iter().flat_map(|scene| &scene.curves).flat_map(|curve| &curve.cases);
     let shares: Vec<f64> = cases.map(Case::honesty).filter(|share| share.is_finite()).collect();
+    if shares.is_empty() {
+        return "There is no estimate to compare.\n".to_owned();
+    }
     let count = |holds: fn(f64) -> bool| shares.iter().filter(|share| holds(**share)).count();
     let least = shares.iter().copied().fold(f64::INFINITY, f64::min);
     let most = shares.iter().copied().fold(0.0, f64::max);
@@ -153,46 +156,43 @@ pub(super) fn honesty(study: &ErrorCurves) -> String {
 pub(super) fn plots(study: &ErrorCurves) -> Vec<(String, LogLog<'_>)> {
     let mut plots = Vec::new();
     for scene in &study.scenes {
-        let of = |value: fn(&Case) -> f64, at_probes: bool| {
-            let mut series = Vec::new();
-            for (colour, curve) in scene.curves.iter().enumerate() {
-                let against = |error: fn(&Case) -> Option<f64>| -> Vec<(f64, f64)> {
-                    let point = |case: &Case| Some((100.0 * error(case)?, value(case)));
-                    curve.cases.iter().filter_map(point).collect()
-                };
-                let mut push = |label, points, style| {
-                    series.push(Series { label, points, colour, style });
-                };
-                push(Some(curve.basis.clone()), against(|case| Some(case.irradiance.rms)), Style::Line);
-                if at_probes {
-                    push(None, against(|case| Some(case.at_probes?.rms)), Style::Circles);
-                }
-            }
-            series
+        let time = LogLog {
+            caption: &scene.scene,
+            x: "RMS error of irradiance, % (circles: at reference probes)",
+            y: "seconds",
+            series: over_error(scene, |case| case.seconds.median, true),
+            guides: &[],
         };
-        plots.push((
-            format!("time-{}", scene.scene),
-            LogLog {
-                caption: &scene.scene,
-                x: "RMS error of irradiance, % (circles: at reference probes)",
-                y: "seconds",
-                series: of(|case| case.seconds.median, true),
-                guides: &[],
-            },
-        ));
-        plots.push((
-            format!("elements-{}", scene.scene),
-            LogLog {
-                caption: &scene.scene,
-                x: "RMS error of irradiance, %",
-                y: "elements",
-                series: of(|case| case.elements as f64, false),
-                guides: &[],
-            },
-        ));
+        let elements = LogLog {
+            caption: &scene.scene,
+            x: "RMS error of irradiance, %",
+            y: "elements",
+            series: over_error(scene, |case| case.elements as f64, false),
+            guides: &[],
+        };
+        plots.push((format!("time-{}", scene.scene), time));
+        plots.push((format!("elements-{}", scene.scene), elements));
     }
     plots.push(("estimate".to_owned(), estimates(study)));
     plots
+}
+
+/// Something over the true error of irradiance, a line for each basis; with the probes, circles for what they say of the error.
+fn over_error(scene: &SceneCurves, value: fn(&Case) -> f64, at_probes: bool) -> Vec<Series> {
+    let mut series = Vec::new();
+    for (colour, curve) in scene.curves.iter().enumerate() {
+        let points = |judged: fn(&Case) -> Option<Deviation>| {
+            let point = |case: &Case| Some((100.0 * judged(case)?.rms, value(case)));
+            curve.cases.iter().filter_map(point).collect()
+        };
+        let line = points(|case| Some(case.irradiance));
+        series.push(Series { label: Some(curve.basis.clone()), points: line, colour, style: Style::Line });
+        if at_probes {
+            let circles = points(|case| case.at_probes);
+            series.push(Series { label: None, points: circles, colour, style: Style::Circles });
+        }
+    }
+    series
 }
 
 /// Estimates over true errors, all scenes together.
