@@ -19,7 +19,7 @@ fn deviation(name: &str, basis: Basis, error: f64) -> (f64, f64) {
     let bvh = Bvh::new(OpaqueFaces::new(&scene));
     let options = Options { error, basis, oracle: Oracle::Energy, direct_only: false };
     let outcome = solve(&scene, &surfaces, &bvh, &options, &mut Silent);
-    let path = root.join(format!("tests/data/reference/{name}.probes.csv"));
+    let path = root.join(format!("scenes/{name}.probes.csv"));
     let mut probes = Vec::new();
     let mut truth = Vec::new();
     for row in csv::Reader::from_path(path).unwrap().records() {

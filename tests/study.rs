@@ -1,4 +1,4 @@
-//! `wrad study speedup` as its users meet it: results whole, refusals that say what is expected.
+//! `wrad study` as its users meet it: results whole, refusals that say what is expected.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -93,12 +93,86 @@ fn a_study_measures_predicts_and_writes_all_of_it() {
     assert!(code == 2 && err.contains("there are results of today and this commit"), "{err}");
 }
 
+/// A room of two facing squares, one of them a lamp, and two walls.
+const ROOM: &str = "#Inventor V2.1 ascii
+Separator {
+  ShapeHints { vertexOrdering COUNTERCLOCKWISE shapeType SOLID }
+  Separator { Material { diffuseColor 0.5 0.4 0.3 } Coordinate3 { point [ 0 0 0, 1 0 0, 1 1 0, 0 1 0 ] }
+    IndexedFaceSet { coordIndex [ 0, 1, 2, 3, -1 ] } }
+  Separator { Material { diffuseColor 0.1 0.1 0.1 emissiveColor 4 3 2 } Coordinate3 { point [ 0 0 1, 0 1 1, 1 1 1, 1 0 1 ] }
+    IndexedFaceSet { coordIndex [ 0, 1, 2, 3, -1 ] } }
+  Separator { Material { diffuseColor 0.8 0.6 0.6 } Coordinate3 { point [ 0 0 0, 0 1 0, 0 1 1, 0 0 1 ] }
+    IndexedFaceSet { coordIndex [ 0, 1, 2, 3, -1 ] } }
+  Separator { Material { diffuseColor 0.8 0.6 0.6 } Coordinate3 { point [ 1 1 0, 1 0 0, 1 0 1, 1 1 1 ] }
+    IndexedFaceSet { coordIndex [ 0, 1, 2, 3, -1 ] } }
+}
+";
+
+#[test]
+fn a_study_of_errors_compares_and_writes_all_of_it() {
+    let place = tempfile::tempdir().unwrap();
+    std::fs::write(place.path().join("room.iv"), ROOM).unwrap();
+    let probe = "x,y,z,nx,ny,nz,E_r,E_g,E_b,se_r,se_g,se_b\n0.5,0.5,0,0,0,1,1.4,1,0.6,0.01,0.01,0.01\n";
+    std::fs::write(place.path().join("room.probes.csv"), probe).unwrap();
+    let arguments =
+        ["study", "error", "room.iv", "--errors", "0.05,0.4", "--bases", "haar,m2", "--repeat", "2"];
+    let (code, out, err) = run(place.path(), &arguments);
+    assert_eq!((code, err.as_str()), (0, ""), "{out}");
+    let directory = only(&only(&place.path().join("results")));
+    assert_eq!(directory.file_name().unwrap(), "error-room");
+    let text = |name: &str| std::fs::read_to_string(directory.join(name)).unwrap();
+    let study: Value = serde_json::from_str(&text("study.json")).unwrap();
+    let scene = &study["result"]["scenes"][0];
+    assert!(scene["truth"]["noise"].as_f64().is_some_and(|noise| (0.005..0.015).contains(&noise)));
+    for curve in scene["curves"].as_array().unwrap() {
+        let cases = curve["cases"].as_array().unwrap();
+        let number = |case: usize, name: &str| cases[case].pointer(name).unwrap().as_f64().unwrap();
+        assert_eq!((cases.len(), number(0, "/error"), number(1, "/error")), (2, 0.4, 0.05));
+        assert_eq!(cases[1]["seconds"]["count"], 2);
+        assert!(number(1, "/elements") > number(0, "/elements"));
+        for norm in ["/reflected/rms", "/irradiance/rms", "/irradiance/median"] {
+            assert!(number(1, norm) < number(0, norm), "{norm}: {curve}");
+        }
+        assert!(number(1, "/reflected/rms") < 0.05 && number(1, "/at_probes/rms") > 0.0, "{curve}");
+    }
+    assert_eq!(text("solutions.csv").lines().count(), 1 + 2 * 2);
+    for plot in ["time-room.svg", "elements-room.svg", "estimate.svg"] {
+        assert!(text(plot).starts_with("<svg") && text(plot).contains("m2"), "{plot}");
+    }
+    let readme = text("README.md");
+    for part in
+        ["# Time against error on room", "commit", "study error", "## room", "time-room.svg", "## Estimates"]
+    {
+        assert!(readme.contains(part), "{part}");
+    }
+    assert!(out.contains("| m2 |") && out.contains("estimates") && out.contains("written to "), "{out}");
+}
+
+#[test]
+fn a_run_that_takes_too_long_ends_its_curve() {
+    let place = tempfile::tempdir().unwrap();
+    let arguments = ["--errors", "0.3", "--bases", "m3", "--repeat", "1", "--longest", "0.001", "--quiet"];
+    let (code, out, err) = run(place.path(), &[vec!["study", "error", CORNELL], arguments.to_vec()].concat());
+    assert_eq!((code, out.as_str(), err.as_str()), (0, "", ""));
+    let directory = only(&only(&place.path().join("results")));
+    let readme = std::fs::read_to_string(directory.join("README.md")).unwrap();
+    assert!(readme.contains("| m3 | 30 % | too long |"), "{readme}");
+}
+
 #[test]
 fn refusals_say_what_is_expected_and_nothing_is_written() {
     let place = tempfile::tempdir().unwrap();
     let cases = [
         (vec![], "Usage: wrad study"),
-        (vec!["error"], "unrecognized subcommand 'error'"),
+        (vec!["figure1"], "unrecognized subcommand 'figure1'"),
+        (vec!["error"], "<SCENE>"),
+        (vec!["error", "none.iv"], "none.iv"),
+        (vec!["error", CORNELL, CORNELL], "SCENE: cornell-box is named twice"),
+        (vec!["error", CORNELL, "--errors", "0.1,0"], "--errors 0: expected a number above 0"),
+        (vec!["error", CORNELL, "--errors", "0.1,0.1"], "--errors: 0.1 is named twice"),
+        (vec!["error", CORNELL, "--bases", "haar,m4"], "--bases m4: there is no such value; available: haar"),
+        (vec!["error", CORNELL, "--repeat", "0"], "--repeat 0: expected whole numbers"),
+        (vec!["error", CORNELL, "--longest", "-5"], "--longest -5: expected a number above 0"),
         (vec!["speedup"], "<SCENE>"),
         (vec!["speedup", "none.iv"], "none.iv"),
         (vec!["speedup", CORNELL, "--threads", "0"], "--threads 0: expected whole numbers from 1"),

@@ -204,6 +204,8 @@ pub struct StudyArguments {
 pub enum StudyCommand {
     /// Measures speed-up by schedule and number of threads here, and predicts it for other machines.
     Speedup(SpeedupArguments),
+    /// Measures time, elements, rays and memory against the true error, by basis.
+    Error(ErrorArguments),
 }
 
 /// Arguments of `wrad study speedup`.
@@ -242,6 +244,33 @@ pub struct SpeedupArguments {
     #[arg(long, value_name = "DESCRIPTION", default_values = ["pack:32 numa:1 core:2 pu:1", "pack:8 numa:1 core:8 pu:1"])]
     pub machine: Vec<String>,
     /// Where the results go: DIR/<date>-<host>-<commit>/speedup-<scene>.
+    #[arg(long, value_name = "DIR", default_value = "results")]
+    pub out: PathBuf,
+    /// Prints no tables, no progress and no warnings.
+    #[arg(long)]
+    pub quiet: bool,
+}
+
+/// Arguments of `wrad study error`.
+#[derive(Clone, Debug, Args)]
+pub struct ErrorArguments {
+    /// The scenes: Open Inventor or VRML 1.0 files in text form. Where NAME.probes.csv lies beside NAME.iv, with columns
+    /// x,y,z,nx,ny,nz and the true irradiance E_<band>, solutions are compared with that too.
+    #[arg(value_name = "SCENE", required = true)]
+    pub scenes: Vec<PathBuf>,
+    /// Errors to ask for.
+    #[arg(long, value_name = "E,E,…", default_value = "0.1,0.03,0.01,0.003", allow_negative_numbers = true)]
+    pub errors: String,
+    /// Bases to solve in: haar, m2, m3 or auto.
+    #[arg(long, value_name = "NAME,NAME,…", default_value = "haar,m2,m3")]
+    pub bases: String,
+    /// Repetitions of every run, after one that warms up and is compared.
+    #[arg(long, value_name = "R", default_value = "3", allow_negative_numbers = true)]
+    pub repeat: String,
+    /// Seconds after which a run is given up, and with it all finer ones in its basis.
+    #[arg(long, value_name = "S", default_value = "60", allow_negative_numbers = true)]
+    pub longest: String,
+    /// Where the results go: DIR/<date>-<host>-<commit>/error-<scenes>.
     #[arg(long, value_name = "DIR", default_value = "results")]
     pub out: PathBuf,
     /// Prints no tables, no progress and no warnings.

@@ -131,7 +131,7 @@ impl SolvePlan {
         let oracles = [("energy", Oracle::Energy), ("geometry", Oracle::Geometry)];
         let options = Options {
             error,
-            basis: basis(&arguments.accuracy.basis)?,
+            basis: basis("--basis", &arguments.accuracy.basis)?,
             oracle: choose("--oracle", &arguments.oracle, &oracles, &[])?,
             direct_only: arguments.direct_only,
         };
@@ -179,11 +179,11 @@ fn only_what_exists(arguments: &SolveArguments) -> Result<(), Error> {
     choose("--counters", &arguments.counters, &[("auto", ()), ("off", ())], &["hardware", "simulated"])
 }
 
-/// The basis that `name` stands for. `auto` is M3: on the three reference scenes it takes 0.5 to 1.1 of the time of M2 at every error from
-/// 0.1 to 0.003 and ends nearer to the truth.
-pub(super) fn basis(name: &str) -> Result<Basis, Error> {
+/// The basis that `name`, given to `option`, stands for. `auto` is M3: on the three reference scenes it takes 0.5 to 1.1 of the time of M2 at
+/// every error from 0.1 to 0.003 and ends nearer to the truth.
+pub(super) fn basis(option: &str, name: &str) -> Result<Basis, Error> {
     let bases = [("haar", Basis::Haar), ("m2", Basis::M2), ("m3", Basis::M3), ("auto", Basis::M3)];
-    choose("--basis", name, &bases, &[])
+    choose(option, name, &bases, &[])
 }
 
 /// The name of a basis.
@@ -232,7 +232,7 @@ impl RenderPlan {
             RenderSource::Saved(arguments.input)
         } else {
             let error = arguments.error.map_or(Ok(DEFAULT_ERROR), |text| positive("--error", &text, 1.0))?;
-            let basis = basis(arguments.basis.as_deref().unwrap_or("auto"))?;
+            let basis = basis("--basis", arguments.basis.as_deref().unwrap_or("auto"))?;
             let options = Options { error, basis, oracle: Oracle::Energy, direct_only: false };
             let workers = Workers::new(DEFAULT_SCHEDULE, None, None)?;
             RenderSource::Scene(arguments.input, options, Box::new(workers))

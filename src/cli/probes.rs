@@ -45,6 +45,21 @@ impl Probes {
         Ok(Probes { header, rows, points })
     }
 
+    /// The numbers of another column, one per row; `None` if there is no such column.
+    ///
+    /// # Errors
+    /// [`Error::Input`] naming row and column of what is no number.
+    pub fn numbers(&self, path: &Path, name: &str) -> Result<Option<Vec<f64>>, Error> {
+        let Some(column) = self.header.iter().position(|field| field.trim_ascii() == name.as_bytes()) else {
+            return Ok(None);
+        };
+        let numbers = self.rows.iter().enumerate().map(|(index, row)| {
+            finite(&row[column], name)
+                .map_err(|why| Error::Input(format!("{}: row {}: {why}", path.display(), index + 1)))
+        });
+        numbers.collect::<Result<Vec<f64>, _>>().map(Some)
+    }
+
     /// Refuses files that already hold a column of the readings.
     ///
     /// # Errors
@@ -114,11 +129,7 @@ fn probe(row: &ByteRecord, columns: &[usize; 6], width: usize) -> Result<Probe, 
     }
     let mut numbers = [0.0; 6];
     for ((number, column), name) in numbers.iter_mut().zip(columns).zip(COLUMNS) {
-        let text = String::from_utf8_lossy(row[*column].trim_ascii());
-        *number = match text.parse::<f64>() {
-            Ok(value) if value.is_finite() => value,
-            _ => return Err(format!("column {name}: expected a finite number, found \"{text}\"")),
-        };
+        *number = finite(&row[*column], name)?;
     }
     let [position, normal] = [0, 3].map(|i| DVec3::from_slice(&numbers[i..i + 3]));
     // Scaled first, so that squares neither overflow nor vanish.
@@ -127,6 +138,15 @@ fn probe(row: &ByteRecord, columns: &[usize; 6], width: usize) -> Result<Probe, 
         return Err("columns nx, ny, nz: expected a direction, found a normal of zero length".to_owned());
     }
     Ok(Probe { position, normal })
+}
+
+/// The number in a field of the column `name`.
+fn finite(field: &[u8], name: &str) -> Result<f64, String> {
+    let text = String::from_utf8_lossy(field.trim_ascii());
+    match text.parse::<f64>() {
+        Ok(value) if value.is_finite() => Ok(value),
+        _ => Err(format!("column {name}: expected a finite number, found \"{text}\"")),
+    }
 }
 
 #[cfg(test)]

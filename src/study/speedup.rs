@@ -4,33 +4,16 @@
 //! repetition warms up and does not count. Every run has a team of its own, started before the clock. The base of all speed-ups is the least
 //! median on one thread, whoever reached it.
 
-use std::time::Instant;
-
 use ccnuma::counters::{Counters, CpuId, Group, Reading};
 use ccnuma::team::Times;
-use ccnuma::{Machine, Plan, Policy, Team, WorkerPanic};
+use ccnuma::{Machine, Plan, Policy, Team};
 use serde::Serialize;
 
-use crate::scene::{Scene, Surface};
-use crate::schedule::record::OtherRun;
-use crate::schedule::{Batches, Observer, Options, Outcome, Record, Schedule, solve_by, solve_recorded};
-use crate::visibility::Occluder;
+use crate::schedule::{Batches, Observer, Record, Schedule, solve_by, solve_recorded};
 
 use super::replay::{Bound, Model, Replayed, Site, bound, replay};
+use super::run::{Problem, StudyError, timed, whole};
 use super::statistics::Spread;
-
-/// The problem, the same in every run.
-#[derive(Clone, Copy)]
-pub struct Problem<'a> {
-    /// The scene.
-    pub scene: &'a Scene,
-    /// Its surfaces.
-    pub surfaces: &'a [Surface],
-    /// What may stand between them.
-    pub occluder: &'a dyn Occluder,
-    /// How finely it is solved.
-    pub options: &'a Options,
-}
 
 /// A schedule that takes part.
 #[derive(Clone, Copy, Debug)]
@@ -136,23 +119,6 @@ pub struct Recorded {
     pub recorded_s: Spread,
     /// Work and span.
     pub bound: Bound,
-}
-
-/// Why a study ended without its result.
-#[derive(Debug, thiserror::Error)]
-pub enum StudyError {
-    /// The observer stopped it.
-    #[error("interrupted: a study is whole or not at all, so nothing was written")]
-    Interrupted,
-    /// A team could not be started, or counters could not be opened.
-    #[error(transparent)]
-    Team(#[from] ccnuma::Error),
-    /// A worker panicked.
-    #[error("a mistake in this program: {0}")]
-    Panic(#[from] WorkerPanic),
-    /// Two records of one problem differ.
-    #[error(transparent)]
-    Record(#[from] OtherRun),
 }
 
 /// One run to be measured.
@@ -412,16 +378,6 @@ impl Entry {
         }
         Ok(())
     }
-}
-
-fn timed<R>(run: impl FnOnce() -> R) -> (R, f64) {
-    let start = Instant::now();
-    let result = run();
-    (result, start.elapsed().as_secs_f64())
-}
-
-fn whole(outcome: &Outcome) -> Result<(), StudyError> {
-    if outcome.solution.incomplete { Err(StudyError::Interrupted) } else { Ok(()) }
 }
 
 /// Mean over greatest busy time.

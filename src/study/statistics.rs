@@ -1,4 +1,4 @@
-//! Repeated measurements: their median, and how far they spread.
+//! Repeated measurements: their median, and how far they spread; and what lies between measurements.
 
 use serde::Serialize;
 
@@ -32,6 +32,16 @@ impl Spread {
     }
 }
 
+/// The value at `x` on the first stretch of a curve that holds it, straight in logarithms; `None` where no stretch does.
+pub fn interpolate(curve: impl Iterator<Item = (f64, f64)>, x: f64) -> Option<f64> {
+    let curve: Vec<(f64, f64)> = curve.collect();
+    curve.windows(2).find_map(|ends| {
+        let ((x0, y0), (x1, y1)) = (ends[0], ends[1]);
+        let share = (x / x0).ln() / (x1 / x0).ln();
+        (0.0..=1.0).contains(&share).then(|| y0 * (y1 / y0).powf(share))
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -45,5 +55,15 @@ mod tests {
         assert_eq!(of(&[5.0]).relative(), 0.0);
         assert_eq!(spread.relative(), 0.75);
         assert_eq!(Spread::of(&[]), None);
+    }
+
+    #[test]
+    fn between_measurements_curves_are_straight_in_logarithms() {
+        let curve = [(0.1, 1.0), (0.01, 10.0), (0.001, 1000.0)];
+        let at = |x| interpolate(curve.into_iter(), x);
+        assert!((at(0.1).unwrap() - 1.0).abs() < 1e-12);
+        assert!((at(0.1 / 10f64.sqrt()).unwrap() - 10f64.sqrt()).abs() < 1e-9);
+        assert!((at(0.001 * 10f64.sqrt()).unwrap() - 100.0).abs() < 1e-9);
+        assert_eq!((at(0.2), at(0.0005)), (None, None));
     }
 }

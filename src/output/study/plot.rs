@@ -6,10 +6,10 @@ use plotters::prelude::*;
 use crate::study::Speedup;
 
 /// Width and height in pixels.
-const SIZE: (u32, u32) = (720, 560);
+pub(super) const SIZE: (u32, u32) = (720, 560);
 
 /// Colours that people who do not tell red from green tell apart (Okabe and Ito 2008).
-const COLOURS: [RGBColor; 7] = [
+pub(super) const COLOURS: [RGBColor; 7] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
     RGBColor(0, 158, 115),
@@ -18,6 +18,9 @@ const COLOURS: [RGBColor; 7] = [
     RGBColor(86, 180, 233),
     RGBColor(0, 0, 0),
 ];
+
+/// What only guides the eye.
+pub(super) const GREY: RGBColor = RGBColor(150, 150, 150);
 
 /// Speed-up over workers on one machine: lines for what is predicted, circles for what was measured here, and the ideal.
 pub(super) fn speedup(study: &Speedup, machine: &str) -> Result<String, String> {
@@ -28,7 +31,8 @@ pub(super) fn speedup(study: &Speedup, machine: &str) -> Result<String, String> 
     Ok(svg)
 }
 
-type Drawn<'a> = Result<(), DrawingAreaErrorKind<<SVGBackend<'a> as DrawingBackend>::ErrorType>>;
+/// What drawing says.
+pub(super) type Drawn<'a> = Result<(), DrawingAreaErrorKind<<SVGBackend<'a> as DrawingBackend>::ErrorType>>;
 
 fn draw<'a>(study: &Speedup, machine: &str, area: &DrawingArea<SVGBackend<'a>, Shift>) -> Drawn<'a> {
     area.fill(&WHITE)?;
@@ -42,11 +46,10 @@ fn draw<'a>(study: &Speedup, machine: &str, area: &DrawingArea<SVGBackend<'a>, S
         .y_label_area_size(44)
         .build_cartesian_2d(0.0..most, 0.0..most)?;
     chart.configure_mesh().x_desc("workers").y_desc("speed-up").light_line_style(TRANSPARENT).draw()?;
-    let grey = RGBColor(150, 150, 150);
     chart
-        .draw_series(LineSeries::new([(0.0, 0.0), (most, most)], grey))?
+        .draw_series(LineSeries::new([(0.0, 0.0), (most, most)], GREY))?
         .label("ideal")
-        .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], grey));
+        .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], GREY));
     let mut schedules: Vec<&str> = Vec::new();
     let names = predicted().map(|p| &p.schedule).chain(study.measured.iter().map(|m| &m.schedule));
     for name in names {
@@ -71,7 +74,7 @@ fn draw<'a>(study: &Speedup, machine: &str, area: &DrawingArea<SVGBackend<'a>, S
         .configure_series_labels()
         .position(SeriesLabelPosition::UpperLeft)
         .background_style(WHITE.mix(0.8))
-        .border_style(grey)
+        .border_style(GREY)
         .draw()?;
     area.present()
 }

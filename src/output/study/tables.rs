@@ -22,7 +22,8 @@ pub fn machines(study: &Speedup) -> Vec<String> {
     machines
 }
 
-fn csv(rows: impl Iterator<Item = Vec<String>>) -> String {
+/// Rows as CSV.
+pub(super) fn csv(rows: impl Iterator<Item = Vec<String>>) -> String {
     let mut writer = csv::Writer::from_writer(Vec::new());
     for row in rows {
         writer.write_record(row).expect("memory takes every row, all of one length");
@@ -30,7 +31,8 @@ fn csv(rows: impl Iterator<Item = Vec<String>>) -> String {
     String::from_utf8(writer.into_inner().expect("memory takes every row")).expect("rows are text")
 }
 
-fn row(names: &[&str]) -> Vec<String> {
+/// A row of names.
+pub(super) fn row(names: &[&str]) -> Vec<String> {
     names.iter().map(|name| (*name).to_owned()).collect()
 }
 

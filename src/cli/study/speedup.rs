@@ -1,27 +1,25 @@
 //! `wrad study speedup`: load → run and replay → results and tables.
 
 use std::collections::BTreeMap;
-use std::io::Write;
 use std::path::PathBuf;
 
 use ccnuma::{Machine, Plan, Policy};
 use serde_json::{Value, json};
 
+use super::lists::{distinct, number, numbers};
+use super::ready::Ready;
+use super::{command, free_directory, print, stem, watched};
+use crate::cli::arguments::SpeedupArguments;
+use crate::cli::choice::positive;
+use crate::cli::plan::{basis, basis_name};
+use crate::cli::{Error, Status, workers};
 use crate::output::machine::Machine as MachineFacts;
-use crate::output::report::{Program, SceneFacts};
-use crate::output::study::{SpeedupStudy, directory, tables, write_speedup};
+use crate::output::report::Program;
+use crate::output::study::{SpeedupStudy, tables, write_speedup};
 use crate::schedule::{Batches, Options};
 use crate::study::replay::{Model, Site};
-use crate::study::{Contestant, Problem, Study, StudyError};
+use crate::study::{Contestant, Problem, Study};
 use crate::transport::Oracle;
-use crate::visibility::{Occluder, Unoccluded, nothing_between};
-
-use super::arguments::{SpeedupArguments, StudyArguments, StudyCommand};
-use super::choice::positive;
-use super::load::Loaded;
-use super::plan::{basis, basis_name};
-use super::progress::Watch;
-use super::{Error, Status, grey, interrupt, workers};
 
 /// Schedules that can be replayed, how, and from a record of which batches.
 const MODELS: [(&str, Model, Batches); 7] = [
@@ -37,12 +35,9 @@ const MODELS: [(&str, Model, Batches); 7] = [
 /// The paper's inner loop, which shares out whole receivers; only predicted.
 const WHOLE: &str = "inner-loop-whole";
 
-/// The most repetitions and workers: more are a slip of the keyboard.
-const MOST: usize = 10_000;
-
 /// A study that can be run.
 #[derive(Clone, Debug)]
-pub struct StudyPlan {
+pub struct SpeedupPlan {
     scene: PathBuf,
     options: Options,
     study: Study,
@@ -50,62 +45,38 @@ pub struct StudyPlan {
     quiet: bool,
 }
 
-impl StudyPlan {
+impl SpeedupPlan {
     /// Checks and resolves the arguments.
-    pub(super) fn new(arguments: StudyArguments) -> Result<StudyPlan, Error> {
-        let StudyCommand::Speedup(arguments) = arguments.command;
-        let SpeedupArguments { scene, accuracy, out, quiet, direct_only, .. } = &arguments;
+    pub(super) fn new(arguments: &SpeedupArguments) -> Result<SpeedupPlan, Error> {
+        let SpeedupArguments { scene, accuracy, out, quiet, direct_only, .. } = arguments;
         let options = Options {
             error: positive("--error", &accuracy.error, 1.0)?,
-            basis: basis(&accuracy.basis)?,
+            basis: basis("--basis", &accuracy.basis)?,
             oracle: Oracle::Energy,
             direct_only: *direct_only,
         };
-        let plan = StudyPlan {
+        Ok(SpeedupPlan {
             scene: scene.clone(),
             options,
-            study: study(&arguments)?,
-            out: directory(out, &format!("speedup-{}", stem(scene))),
+            study: study(arguments)?,
+            out: free_directory(out, &format!("speedup-{}", stem(scene)))?,
             quiet: *quiet,
-        };
-        if plan.out.exists() {
-            return Err(Error::Input(format!(
-                "{}: there are results of today and this commit; remove them or choose another place by --out",
-                plan.out.display()
-            )));
-        }
-        Ok(plan)
+        })
     }
 
     /// Runs the study, writes its results and prints its tables.
     pub(super) fn run(&self) -> Result<Status, Error> {
-        let loaded = Loaded::read(&self.scene)?;
-        if !self.quiet {
-            loaded.warnings().iter().for_each(|warning| eprintln!("wrad: warning: {warning}"));
-        }
-        interrupt::install(self.quiet);
-        let nothing = Unoccluded(&loaded.bvh);
-        let occluder: &dyn Occluder = if nothing_between(&loaded.scene) { &nothing } else { &loaded.bvh };
-        let grey = grey::one_band(&loaded.scene, &loaded.surfaces);
-        let (scene, surfaces) = match &grey {
-            Some((scene, surfaces)) => (scene, surfaces),
-            None => (&loaded.scene, &loaded.surfaces),
-        };
-        let problem = Problem { scene, surfaces, occluder, options: &self.options };
-        let mut watch = Watch::new(self.quiet);
-        let result = self.study.run(problem, &mut watch);
-        watch.finish();
-        let result = match result {
-            Err(StudyError::Interrupted) => {
-                eprintln!("wrad: {}", StudyError::Interrupted);
-                return Ok(Status::Interrupted);
-            }
-            other => other.map_err(|problem| Error::Failed(problem.to_string()))?,
+        let ready = Ready::read(&self.scene, self.quiet)?;
+        let occluder = ready.occluder();
+        let (scene, surfaces) = ready.in_its_bands();
+        let problem = Problem { scene, surfaces, occluder: &*occluder, options: &self.options };
+        let Some(result) = watched(self.quiet, |watch| self.study.run(problem, watch))? else {
+            return Ok(Status::Interrupted);
         };
         let study = SpeedupStudy {
             program: Program::this(),
             machine: MachineFacts::this(),
-            scene: SceneFacts::new(&loaded.scene, &loaded.surfaces),
+            scene: ready.facts(),
             options: self.options_by_name(),
             result,
         };
@@ -126,18 +97,15 @@ impl StudyPlan {
                 tables::where_time_goes(result, &machine)
             );
         }
-        text += &format!("written to {}\n", self.out.display());
-        // A reader that has gone away is not an error of the run.
-        let _ = std::io::stdout().write_all(text.as_bytes());
+        print(&text, &self.out);
     }
 
     fn options_by_name(&self) -> BTreeMap<String, Value> {
         let study = &self.study;
         let names: Vec<&str> = study.contestants.iter().map(|contestant| contestant.name).collect();
         let machines: Vec<&str> = study.machines.iter().map(|(name, _)| name.as_str()).collect();
-        let command: Vec<String> = std::env::args().skip(1).collect();
         let pairs = [
-            ("command", json!(format!("wrad {}", command.join(" ")))),
+            ("command", json!(command())),
             ("scene", json!(self.scene.to_string_lossy())),
             ("error", json!(self.options.error)),
             ("basis", json!(basis_name(self.options.basis))),
@@ -151,10 +119,6 @@ impl StudyPlan {
         ];
         pairs.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
     }
-}
-
-fn stem(scene: &std::path::Path) -> String {
-    scene.file_stem().map_or_else(|| "scene".to_owned(), |stem| stem.to_string_lossy().into_owned())
 }
 
 fn study(arguments: &SpeedupArguments) -> Result<Study, Error> {
@@ -180,10 +144,7 @@ fn study(arguments: &SpeedupArguments) -> Result<Study, Error> {
         }
         machines.push((description.clone(), machine));
     }
-    let repeat = numbers("--repeat", &arguments.repeat)?;
-    let [repeat] = repeat[..] else {
-        return Err(Error::Input(format!("--repeat {}: expected one number", arguments.repeat)));
-    };
+    let repeat = number("--repeat", &arguments.repeat)?;
     let contestants = arguments.schedules.split(',').map(|name| contestant(name.trim()));
     let contestants = distinct("--schedules", contestants.collect::<Result<Vec<_>, _>>()?, |c| c.name)?;
     Ok(Study { contestants, threads, repeat, pin, here, predict, machines })
@@ -204,30 +165,6 @@ fn contestant(name: &str) -> Result<Contestant, Error> {
     })
 }
 
-/// Whole numbers from 1, separated by commas, each once.
-fn numbers(option: &str, text: &str) -> Result<Vec<usize>, Error> {
-    let number = |part: &str| match part.trim().parse() {
-        Ok(number) if (1..=MOST).contains(&number) => Ok(number),
-        _ => Err(Error::Input(format!(
-            "{option} {text}: expected whole numbers from 1 to {MOST}, separated by commas; found {part:?}"
-        ))),
-    };
-    distinct(option, text.split(',').map(number).collect::<Result<Vec<usize>, _>>()?, |number| *number)
-}
-
-fn distinct<T, K: PartialEq + std::fmt::Display>(
-    option: &str,
-    items: Vec<T>,
-    key: impl Fn(&T) -> K,
-) -> Result<Vec<T>, Error> {
-    for (i, item) in items.iter().enumerate() {
-        if items[..i].iter().any(|before| key(before) == key(item)) {
-            return Err(Error::Input(format!("{option}: {} is named twice", key(item))));
-        }
-    }
-    Ok(items)
-}
-
 /// 1, 2, 4 … and the number of cores.
 fn powers_of_two(cores: usize) -> Vec<usize> {
     let mut numbers: Vec<usize> = (0..).map(|i| 1 << i).take_while(|n| *n < cores).collect();
@@ -240,14 +177,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lists_of_numbers_are_checked() {
-        assert_eq!(numbers("--threads", "1, 2,64").unwrap(), [1, 2, 64]);
-        for (text, found) in
-            [("", "\"\""), ("0", "\"0\""), ("1,x", "\"x\""), ("1,,2", "\"\""), ("1,1", "1 is named")]
-        {
-            let error = numbers("--threads", text).unwrap_err().to_string();
-            assert!(error.starts_with("--threads") && error.contains(found), "{error}");
-        }
+    fn numbers_of_cores_are_tried_by_powers_of_two() {
         assert_eq!(powers_of_two(6), [1, 2, 4, 6]);
         assert_eq!(powers_of_two(1), [1]);
     }
