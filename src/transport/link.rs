@@ -249,12 +249,14 @@ impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
     }
 }
 
-/// The point of `outline` nearest to `uv` outside of it, a thousandth of the way further in, so that it does not lie on an edge.
+/// The point of `outline` nearest to `uv` outside of it, a thousandth of the way further in, or towards the mean of its corners, so that it does
+/// not lie on an edge, where rounding decides what it sees.
 fn nearest_inside(outline: &[DVec2], uv: DVec2, frame: &Frame) -> DVec2 {
     let near =
         polygon::nearest_on_boundary(outline, uv, |d| (d.x * frame.u + d.y * frame.v).length_squared());
-    let further = near + (near - uv) * 1e-3;
-    if polygon::contains(outline, further) { further } else { near }
+    let mean = outline.iter().sum::<DVec2>() / outline.len() as f64;
+    let further = [near - uv, mean - near].map(|inwards| near + 1e-3 * inwards);
+    further.into_iter().find(|point| polygon::contains(outline, *point)).unwrap_or(near)
 }
 
 /// Mean square of the values whose bit is set.

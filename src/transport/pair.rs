@@ -150,13 +150,13 @@ impl<'a, const N: usize, S: Source<N>> Setting<'a, N, S> {
             threshold *= source.strength() / rules.reference_w_m2;
         }
         let hull = cell_corners(&Cell::UNIT).map(|c| patch.frame.point(c));
-        // Beyond the polygon the light of a source well in front continues smoothly; that of a source whose plane cuts the
-        // parallelogram does not, and is taken from the nearest point of the polygon.
+        // Beyond the polygon the light of a source in front continues smoothly; that of a source whose plane cuts the
+        // parallelogram does not, and is taken from the nearest point of the polygon. A plane through a side does not cut.
         let (source_hull, source_normal) = source.hull(&hull);
         let extend = source_normal.is_none_or(|n| {
             let height = |p: &DVec3| n.dot(*p - source_hull[0]);
             let least = hull.iter().map(height).fold(f64::INFINITY, f64::min);
-            least > 0.0
+            least > -1e-9 * hull[0].distance(hull[2]).max(hull[1].distance(hull[3]))
         });
         let weight = patch.weight(rules.least_reflectance);
         Self { source, patch, occluder, rules, threshold, extend, weight }
