@@ -47,11 +47,12 @@ pub struct Twin {
     pub light: f64,
 }
 
-/// A demand with its limit, and the limit that holds today where that is larger: a known shortfall.
+/// A demand with its limit; for a known shortfall, the larger one that holds today, and the cause.
 pub struct Demand {
     pub what: What,
     pub limit: f64,
     pub today: f64,
+    pub cause: &'static str,
 }
 
 /// A scene, how it is solved, and what is demanded of its solution. All of it must be finite in any case.
@@ -75,13 +76,20 @@ impl Case {
     }
 
     pub fn demand(mut self, what: What, limit: f64) -> Self {
-        self.demands.push(Demand { what, limit, today: limit });
+        self.demands.push(Demand { what, limit, today: limit, cause: "" });
         self
     }
 
     /// The last demand falls short today, but not of `bound`.
-    pub fn today(mut self, bound: f64) -> Self {
-        self.demands.last_mut().expect("a demand to fall short of").today = bound;
+    pub fn today(mut self, bound: f64, cause: &'static str) -> Self {
+        let demand = self.demands.last_mut().expect("a demand to fall short of");
+        (demand.today, demand.cause) = (bound, cause);
+        self
+    }
+
+    /// All demands fall short today, but not of `bound`.
+    pub fn all_today(mut self, bound: f64, cause: &'static str) -> Self {
+        self.demands.iter_mut().for_each(|demand| (demand.today, demand.cause) = (bound, cause));
         self
     }
 }
@@ -119,15 +127,15 @@ pub fn judge(cases: impl IntoIterator<Item = Case>) {
         let start = Instant::now();
         let outcome = run(&case.scene, case.basis, case.error);
         let seconds = start.elapsed().as_secs_f64();
-        for (demanded, limit, today, reached) in measure(&case, &outcome) {
+        for (demanded, limit, today, cause, reached) in measure(&case, &outcome) {
             // Written so that NaN fails.
             let verdict = match reached {
-                r if r <= limit => "met",
-                r if r <= today => "known shortfall",
-                _ => "FAILED",
+                r if r <= limit => "met".to_owned(),
+                r if r <= today => format!("known shortfall: {cause}"),
+                _ => "FAILED".to_owned(),
             };
             let row = format!(
-                "{},{},{:?},{},{demanded},{limit:.1e},{reached:.1e},{verdict},{:.1e},{},{seconds:.2}",
+                "{},{},{:?},{},{demanded},{limit:.0e},{reached:.1e},{verdict},{:.0e},{},{seconds:.2}",
                 case.item,
                 case.name,
                 case.basis,
@@ -151,14 +159,14 @@ fn record(row: &str) {
     table.and_then(|mut table| writeln!(table, "{row}")).expect("the table can be written");
 }
 
-/// What is demanded, its limit, the one of today, and what was reached.
-fn measure(case: &Case, outcome: &Outcome) -> Vec<(&'static str, f64, f64, f64)> {
+/// What is demanded, its limit, the one of today and its cause, and what was reached.
+fn measure(case: &Case, outcome: &Outcome) -> Vec<(&'static str, f64, f64, &'static str, f64)> {
     let solution = &outcome.solution;
     let unfinished = if solution.incomplete { f64::INFINITY } else { 0.0 };
     let mut rows: Vec<_> = case
         .demands
         .iter()
-        .map(|Demand { what, limit, today }| {
+        .map(|Demand { what, limit, today, cause }| {
             let (name, reached) = match what {
                 What::Truth(truth) => ("error against the truth", against(solution, truth)),
                 What::Balance => ("energy balance", balance(solution)),
@@ -167,14 +175,14 @@ fn measure(case: &Case, outcome: &Outcome) -> Vec<(&'static str, f64, f64, f64)>
                 What::Dark => ("darkness", brightest(solution)),
                 What::Elements => ("elements", outcome.elements as f64),
             };
-            (name, *limit, *today, reached + unfinished)
+            (name, *limit, *today, *cause, reached + unfinished)
         })
         .collect();
     let unusable = solution.fields.iter().flat_map(|f| &f.coefficients).filter(|c| !c.is_finite()).count()
         + usize::from(!solution.error_estimate.is_finite())
         + usize::from(!outcome.unshot_fraction.is_finite());
     if unusable > 0 || rows.is_empty() {
-        rows.push(("no number that is not finite", 0.0, 0.0, unusable as f64 + unfinished));
+        rows.push(("no number that is not finite", 0.0, 0.0, "", unusable as f64 + unfinished));
     }
     rows
 }
@@ -183,25 +191,33 @@ fn balance(solution: &Solution) -> f64 {
     energy_balance(solution).as_result().map_or(f64::NAN, |balance| balance.abs())
 }
 
-/// Points inside the outline of a surface, in its parameters.
-fn points(surface: &Surface, surfaces: usize) -> Vec<DVec2> {
-    let n = if surfaces > 100 { 5 } else { 16 };
-    let grid = (0..n * n).map(|i| (DVec2::new((i % n) as f64, (i / n) as f64) + 0.5) / n as f64);
-    grid.filter(|uv| polygon::contains(&surface.outline, *uv)).collect()
+/// Points in every leaf of a surface, inside its outline, each with the area in m² that it stands for.
+fn points(solution: &Solution, index: usize) -> Vec<(DVec2, f64)> {
+    let (surface, field) = (&solution.surfaces[index], &solution.fields[index]);
+    let per_side = (16.0 / (field.leaves() as f64).sqrt()).ceil().clamp(2.0, 16.0);
+    let per_side = if solution.surfaces.len() > 100 { 2.0 } else { per_side };
+    let n = per_side as usize;
+    let mut points = Vec::new();
+    field.for_each_leaf(&mut |leaf| {
+        let weight_m2 = surface.frame.area_m2 * leaf.cell.area() / (n * n) as f64;
+        let grid = (0..n * n).map(|i| (DVec2::new((i % n) as f64, (i / n) as f64) + 0.5) / per_side);
+        let inside =
+            grid.map(|p| leaf.cell.to_surface(p)).filter(|p| polygon::contains(&surface.outline, *p));
+        points.extend(inside.map(|p| (p, weight_m2)));
+    });
+    points
 }
 
 fn against(solution: &Solution, truth: &Truth) -> f64 {
     let (mut square, mut norm) = (0.0, 0.0);
     for (index, surface) in solution.surfaces.iter().enumerate() {
         let rho = surface.reflectance[0];
-        let points = points(surface, solution.surfaces.len());
-        for uv in &points {
-            let Some(exact) = truth(surface, surface.frame.point(*uv)) else { continue };
+        for (uv, weight_m2) in points(solution, index) {
+            let Some(exact) = truth(surface, surface.frame.point(uv)) else { continue };
             let mut e = [0.0];
-            solution.fields[index].irradiance(*uv, &mut e);
-            let weight = surface.area_m2 / points.len() as f64;
-            square += weight * (rho * (e[0] - exact)).powi(2);
-            norm += weight * (rho * exact).powi(2);
+            solution.fields[index].irradiance(uv, &mut e);
+            square += weight_m2 * (rho * (e[0] - exact)).powi(2);
+            norm += weight_m2 * (rho * exact).powi(2);
         }
     }
     (square / norm).sqrt()
@@ -212,18 +228,16 @@ fn apart(solution: &Solution, twin: &Twin) -> f64 {
     let there = OfFaces::new(&solution.surfaces);
     let reference = &twin.reference;
     for (index, surface) in reference.surfaces.iter().enumerate() {
-        let points = points(surface, reference.surfaces.len());
-        for uv in &points {
-            let weight = surface.area_m2 / points.len() as f64;
+        for (uv, weight_m2) in points(reference, index) {
             let (mut here, mut moved) = ([0.0], [0.0]);
-            reference.fields[index].irradiance(*uv, &mut here);
+            reference.fields[index].irradiance(uv, &mut here);
             let face = twin.faces.get(surface.face as usize).copied().unwrap_or(surface.face);
-            let Some((i, at)) = there.at(face, surface.back, (twin.motion)(surface.frame.point(*uv))) else {
+            let Some((i, at)) = there.at(face, surface.back, (twin.motion)(surface.frame.point(uv))) else {
                 return f64::INFINITY;
             };
             solution.fields[i as usize].irradiance(at, &mut moved);
-            square += weight * (moved[0] / twin.light - here[0]).powi(2);
-            norm += weight * here[0] * here[0];
+            square += weight_m2 * (moved[0] / twin.light - here[0]).powi(2);
+            norm += weight_m2 * here[0] * here[0];
         }
     }
     (square / norm).sqrt()
