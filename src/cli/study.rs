@@ -95,6 +95,9 @@ impl StudyPlan {
         let mut watch = Watch::new(self.quiet);
         let result = self.study.run(problem, &mut watch);
         watch.finish();
+        if let Some(why) = watch.out_of_memory {
+            return Err(Error::Failed(why));
+        }
         let result = match result {
             Err(StudyError::Interrupted) => {
                 eprintln!("wrad: {}", StudyError::Interrupted);
