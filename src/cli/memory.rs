@@ -124,6 +124,9 @@ mod tests {
 
     #[test]
     fn there_must_be_room_to_write() {
+        let none = Memory { space_bytes: Some(0), group_bytes: None };
+        let why = none.running_out();
+        assert!(cfg!(not(target_os = "linux")) || why.is_some_and(|why| why.contains("ulimit -v")));
         assert!(short(1 << 30, "the machine", 1 << 30).is_none());
         assert!(short(1 << 30, "the machine", 1 << 28).is_some_and(|text| text.contains("1.00 GiB")));
     }

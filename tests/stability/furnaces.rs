@@ -170,15 +170,15 @@ pub fn dihedrals(form: Form) -> Vec<Case> {
 pub fn shared_edges(_: Form) -> Vec<Case> {
     let item = "surfaces sharing an edge partly";
     // The floor in tiles whose edges meet nothing of the walls' and the ceiling's.
-    let tiled = |tiles: &[((f64, f64), (f64, f64))]| {
+    let tiled = |tiles: &[[(f64, f64); 2]]| {
         let mut faces = cube();
         faces.remove(0);
-        faces.extend(tiles.iter().map(|(low, high)| up(&rectangle(*low, *high), 0.0)));
+        faces.extend(tiles.iter().map(|[low, high]| up(&rectangle(*low, *high), 0.0)));
         furnace(faces, RHO)
     };
-    let two = [((0.0, 0.0), (0.37, 1.0)), ((0.37, 0.0), (1.0, 1.0))];
-    let three = [((0.0, 0.0), (0.37, 1.0)), ((0.37, 0.0), (1.0, 0.61)), ((0.37, 0.61), (1.0, 1.0))];
-    let apart = [((0.0, 0.0), (0.37, 1.0)), ((0.37 + 1e-9, 0.0), (1.0, 1.0))];
+    let two = [[(0.0, 0.0), (0.37, 1.0)], [(0.37, 0.0), (1.0, 1.0)]];
+    let three = [[(0.0, 0.0), (0.37, 1.0)], [(0.37, 0.0), (1.0, 0.61)], [(0.37, 0.61), (1.0, 1.0)]];
+    let apart = [[(0.0, 0.0), (0.37, 1.0)], [(0.37 + 1e-9, 0.0), (1.0, 1.0)]];
     vec![
         closed(item, "two tiles", tiled(&two)),
         closed(item, "three tiles in a T", tiled(&three)),

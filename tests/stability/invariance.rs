@@ -34,7 +34,7 @@ fn originals(form: Form) -> Vec<Original> {
         material.exitance_w_m2.truncate(1);
     }
     let settings: &[(Basis, f64)] = match form {
-        Form::Short => &[(Basis::M3, 0.05)],
+        Form::Short => &[(Basis::M3, 0.1)],
         Form::Long => &[(Basis::Haar, 0.1), (Basis::M2, 0.03), (Basis::M3, 0.03), (Basis::M3, 0.01)],
     };
     let mut all = Vec::new();
@@ -136,6 +136,5 @@ pub fn power(form: Form) -> Vec<Case> {
     let bright = |o: &Original, light: f64| {
         o.under("radiosities over 15 decades", format!("times {light:e}"), DAffine3::IDENTITY, light)
     };
-    let all = originals(form);
-    all.iter().flat_map(|o| [1e-9, 1e-3, 1e6].map(|light| bright(o, light))).collect()
+    originals(form).iter().flat_map(|o| [1e-9, 1e6].map(|light| bright(o, light))).collect()
 }

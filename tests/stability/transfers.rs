@@ -120,7 +120,8 @@ pub fn sweep(form: Form) -> Vec<Case> {
             let least = match (form, basis) {
                 (Form::Short, Basis::Haar) => 0.1,
                 (Form::Long, Basis::Haar) => 0.01,
-                (_, Basis::M2) => 3e-4,
+                (Form::Short, Basis::M2) => 0.01,
+                (Form::Long, Basis::M2) => 3e-4,
                 _ => 0.0,
             };
             if *error >= least {
