@@ -214,7 +214,8 @@ pub fn polygons(form: Form) -> Vec<Case> {
     if long {
         let round = prism("room of 200 walls".into(), &star(200, &[1.0]));
         cases.push(round.all_today(0.08, "many walls along one rim"));
-        cases.push(prism("star of 30 corners".into(), &star(30, &[1.0, 0.4])));
+        let spiky = prism("star of 30 corners".into(), &star(30, &[1.0, 0.4]));
+        cases.push(spiky.all_today(0.06, "many walls along one rim"));
         cases.push(prism("comb of 6 teeth".into(), &comb(6)));
     }
     cases
