@@ -12,6 +12,7 @@ mod grey;
 mod info;
 mod interrupt;
 mod load;
+mod memory;
 mod plan;
 mod probes;
 mod processor;

@@ -1,4 +1,5 @@
-//! The observer of a run: progress with an estimate of the time left, on a terminal only; the time of each stage; Ctrl-C.
+//! The observer of a run: progress with an estimate of the time left, on a terminal only; the time of each stage; Ctrl-C, and the
+//! end of memory.
 
 use std::time::Instant;
 
@@ -7,6 +8,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use crate::schedule::{Observer, Stage};
 
 use super::interrupt;
+use super::memory::Memory;
 
 const STEPS: u64 = 1000;
 
@@ -16,6 +18,9 @@ pub(super) struct Watch {
     pass: usize,
     stage: Option<Stage>,
     since: Instant,
+    memory: Memory,
+    /// Why the run was stopped for want of memory.
+    pub out_of_memory: Option<String>,
     /// Seconds in direct illumination, all passes.
     pub direct_s: f64,
     /// Seconds in interreflection, all passes.
@@ -29,7 +34,16 @@ impl Watch {
         let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(STEPS) };
         let template = "{prefix:<26} {wide_bar} {percent:>3} %  left {eta:<4}";
         bar.set_style(ProgressStyle::with_template(template).expect("the template is a valid constant"));
-        Watch { bar, pass: 0, stage: None, since: Instant::now(), direct_s: 0.0, interreflection_s: 0.0 }
+        Watch {
+            bar,
+            pass: 0,
+            stage: None,
+            since: Instant::now(),
+            memory: Memory::of_this_process(),
+            out_of_memory: None,
+            direct_s: 0.0,
+            interreflection_s: 0.0,
+        }
     }
 
     /// The run is over.
@@ -79,7 +93,10 @@ impl Observer for Watch {
     }
 
     fn interrupted(&mut self) -> bool {
-        interrupt::requested()
+        if self.out_of_memory.is_none() {
+            self.out_of_memory = self.memory.running_out();
+        }
+        interrupt::requested() || self.out_of_memory.is_some()
     }
 }
 

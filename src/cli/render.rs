@@ -11,6 +11,7 @@ use super::{Error, Status};
 /// Runs the plan.
 pub(super) fn run(plan: &RenderPlan) -> Result<Status, Error> {
     let input = |error: output::Error| Error::Input(error.to_string());
+    let mut out_of_memory = None;
     let (solution, bvh) = match &plan.source {
         RenderSource::Saved(path) => {
             let solution = solution_file::load(path).map_err(input)?;
@@ -22,6 +23,7 @@ pub(super) fn run(plan: &RenderPlan) -> Result<Status, Error> {
             let loaded = Loaded::read(path)?;
             plan.image.check(&loaded.scene).map_err(input)?;
             let solved = solve(&loaded, options, workers, Visibility::Auto, plan.quiet)?;
+            out_of_memory = solved.out_of_memory;
             (solved.outcome.solution, loaded.bvh)
         }
     };
@@ -30,6 +32,9 @@ pub(super) fn run(plan: &RenderPlan) -> Result<Status, Error> {
     }
     let cast = caster(&solution.surfaces, &bvh);
     output::write(&solution, &plan.out, &plan.image, &cast).map_err(|error| Error::Output(vec![error]))?;
+    if let Some(why) = out_of_memory {
+        return Err(Error::Failed(why));
+    }
     match (&plan.source, solution.incomplete) {
         (RenderSource::Scene(..), true) => Ok(Status::Interrupted),
         _ => Ok(Status::Done),

@@ -26,6 +26,8 @@ pub(super) struct Solved {
     pub direct_s: f64,
     pub interreflection_s: f64,
     pub workers: Vec<Worker>,
+    /// Why the run was stopped for want of memory.
+    pub out_of_memory: Option<String>,
 }
 
 /// Runs the plan; `start` is when the program started.
@@ -46,6 +48,9 @@ pub(super) fn run(plan: &SolvePlan, start: Instant) -> Result<Status, Error> {
     }
     match failures.is_empty() {
         false => Err(Error::Output(failures)),
+        true if solved.out_of_memory.is_some() => {
+            Err(Error::Failed(solved.out_of_memory.unwrap_or_default()))
+        }
         true if solved.outcome.solution.incomplete => Ok(Status::Interrupted),
         true => Ok(Status::Done),
     }
@@ -109,6 +114,7 @@ pub(super) fn solve(
         bands_computed: scene.bands.len(),
         direct_s: watch.direct_s,
         interreflection_s: watch.interreflection_s,
+        out_of_memory: watch.out_of_memory,
         workers: workers::account(team.as_mut(), watch.direct_s + watch.interreflection_s),
     })
 }

@@ -448,6 +448,15 @@ mod tests {
     }
 
     #[test]
+    fn a_speck_over_the_middle_covers_nothing() {
+        // As small as what counts as touching.
+        let at = |x: f64, y: f64| [2.0 + x, 1.5 + y, 1e-6];
+        let speck = vec![at(0.0, 0.0), at(0.0, 2e-6), at(2e-6, 2e-6), at(2e-6, 0.0)];
+        let cut = cut(&scene(&[floor(), (speck, Sides::One)]));
+        assert_eq!((cut.surfaces.len(), cut.covered), (2, 0));
+    }
+
+    #[test]
     fn a_closed_room_has_no_contacts() {
         let room = solid(&[(0.0, 0.0), (4.0, 0.0), (4.0, 3.0), (0.0, 3.0)], true, Sides::Two);
         let cut = cut(&scene(&room));

@@ -32,11 +32,12 @@ impl<'a> Rim<'a> {
     }
 
     /// Whether walls stand along the whole rim that show their black backs to the inside, and not too many
-    /// that do not.
+    /// that do not. Of a face as small as the tolerance that cannot be told.
     pub fn is_dark_inside(&mut self) -> bool {
         let length: f64 = self.edges.iter().map(|(a, b)| a.distance(*b)).sum();
         let slack = 4.0 * self.tolerance * self.edges.len() as f64;
-        union_m(&mut self.dark) >= length - slack && union_m(&mut self.lit) <= LIT_INSIDE * length
+        let dark = union_m(&mut self.dark);
+        dark >= 0.5 * length && dark >= length - slack && union_m(&mut self.lit) <= LIT_INSIDE * length
     }
 
     /// Takes a wall from `a` to `b` in, `normal` being that of its only lit side; `None` if a part of it
@@ -108,6 +109,7 @@ mod tests {
         assert!(with_walls(0).is_dark_inside() && with_walls(2).is_dark_inside());
         assert!(!with_walls(3).is_dark_inside());
         assert!(!Rim::new(&SQUARE, 1e-6).is_dark_inside());
+        assert!(!Rim::new(&SQUARE, 0.5).is_dark_inside(), "nothing stands on it, however small it is");
     }
 
     #[test]

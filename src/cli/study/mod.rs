@@ -79,6 +79,9 @@ fn watched<R>(
     let mut watch = Watch::new(quiet);
     let result = study(&mut watch);
     watch.finish();
+    if let Some(why) = watch.out_of_memory {
+        return Err(Error::Failed(why));
+    }
     match result {
         Ok(result) => Ok(Some(result)),
         Err(StudyError::Interrupted) => {
