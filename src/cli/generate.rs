@@ -7,7 +7,7 @@ use crate::scene::procedural::{Options, Subject, draw};
 
 use super::arguments::GenerateArguments;
 use super::choice::choose;
-use super::{Error, Status, files};
+use super::{Error, Status, files, print};
 
 /// What the reader of scene files takes by default.
 const MOST_SURFACES: usize = 2_000_000;
@@ -52,7 +52,7 @@ impl GeneratePlan {
             .map_err(|error| Error::Output(vec![error]))?;
         let (surfaces, lights) = (drawing.surfaces(), drawing.lights());
         if self.out.metadata().is_ok_and(|found| found.is_file()) {
-            println!("{}: {surfaces} surfaces, {lights} lights", self.out.display());
+            print(&format!("{}: {surfaces} surfaces, {lights} lights\n", self.out.display()));
         }
         Ok(Status::Done)
     }

@@ -1,7 +1,6 @@
 //! `wrad info`: the scene in numbers, its problems, and the plan: what will be computed, what skipped, and why.
 
 use std::fmt::Write as _;
-use std::io::Write as _;
 use std::path::Path;
 
 use glam::DVec3;
@@ -10,7 +9,7 @@ use crate::output::units::{count, percent};
 use crate::scene::{self, Cut, Scene, Sides, Surface, describe};
 use crate::visibility::nothing_between;
 
-use super::{Error, Status, grey};
+use super::{Error, Status, grey, print};
 
 /// Above this many tests of a corner against a plane, pairs are not counted.
 const MAX_PAIR_TESTS: usize = 200_000_000;
@@ -29,8 +28,7 @@ pub(super) fn run(path: &Path) -> Result<Status, Error> {
     for line in plan(&scene, &cut) {
         let _ = writeln!(text, "plan       {line}");
     }
-    // A reader that has gone away is not an error.
-    let _ = std::io::stdout().write_all(text.as_bytes());
+    print(&text);
     Ok(Status::Done)
 }
 

@@ -24,7 +24,14 @@ mod study;
 mod topology;
 mod workers;
 
+use std::io::Write;
+
 pub use arguments::Arguments;
 pub use error::{Error, Status};
 pub use plan::Plan;
 pub use processor::check as check_processor;
+
+/// Writes to standard output. A reader that has gone away is not an error of the run.
+fn print(text: &str) {
+    let _ = std::io::stdout().write_all(text.as_bytes());
+}

@@ -1,10 +1,9 @@
 //! `wrad solve`: load → solve → probes and results → report and summary.
 
-use std::io::Write;
 use std::time::Instant;
 
 use crate::output::report::Worker;
-use crate::output::{self, ImageOptions, OutputKind, Report};
+use crate::output::{self, ImageOptions, OutputKind};
 use crate::radiosity::probe::read_probes;
 use crate::schedule::{self, Options, Outcome, Schedule};
 use crate::visibility::{Occluder, Unoccluded, nothing_between};
@@ -14,7 +13,7 @@ use super::plan::{SolvePlan, Visibility};
 use super::probes::Probes;
 use super::progress::Watch;
 use super::workers::{self, Workers};
-use super::{Error, Status, grey, interrupt, report};
+use super::{Error, Status, grey, interrupt, print, report};
 
 /// A solved scene, and what the report needs to know besides.
 pub(super) struct Solved {
@@ -44,7 +43,7 @@ pub(super) fn run(plan: &SolvePlan, start: Instant) -> Result<Status, Error> {
         failures.extend(report.write(path).err());
     }
     if !plan.quiet {
-        print_summary(&report);
+        print(&output::summary(&report));
     }
     match failures.is_empty() {
         false => Err(Error::Output(failures)),
@@ -141,9 +140,4 @@ fn write_results(
         failures.extend(output::write(solution, path, &ImageOptions::default(), &cast).err());
     }
     failures
-}
-
-fn print_summary(report: &Report) {
-    // A reader that has gone away is not an error of the run.
-    let _ = std::io::stdout().write_all(output::summary(report).as_bytes());
 }

@@ -5,6 +5,7 @@ use ccnuma::{Machine, Plan, Policy};
 
 use super::arguments::TopologyArguments;
 use super::error::{Error, Status};
+use super::print;
 
 /// What to show, checked.
 #[derive(Clone, Debug)]
@@ -31,7 +32,7 @@ impl TopologyPlan {
     pub fn run(&self) -> Result<Status, Error> {
         let report =
             Topology::check(self.plan.clone()).map_err(|problem| Error::Failed(problem.to_string()))?;
-        println!("{}", if self.json { report.json() } else { report.text() });
+        print(&format!("{}\n", if self.json { report.json() } else { report.text() }));
         Ok(Status::Done)
     }
 }

@@ -36,7 +36,7 @@ impl Clusters {
 }
 
 impl<const N: usize> Packets<'_, N> {
-    /// Transports their light to one receiver, until told to stop; `helpers` as in [`shoot`].
+    /// Transports their light to one receiver, until told to stop; `helpers` as in [`shoot`](super::shoot).
     #[allow(clippy::too_many_arguments)]
     pub fn shoot<R: Receiver<N>>(
         &self,

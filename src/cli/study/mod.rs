@@ -6,7 +6,6 @@ mod ready;
 mod reference;
 mod speedup;
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use crate::output::study::directory;
@@ -94,6 +93,5 @@ fn watched<R>(
 
 /// Prints tables, and where the rest is.
 fn print(tables: &str, place: &Path) {
-    // A reader that has gone away is not an error of the run.
-    let _ = std::io::stdout().write_all(format!("{tables}written to {}\n", place.display()).as_bytes());
+    super::print(&format!("{tables}written to {}\n", place.display()));
 }
