@@ -121,7 +121,7 @@ fn furnace_around_a_floating_cube() {
         prism(rho, 1.0, &square(0.0, 1.0), 0.0, 1.0, true)
             + &prism(rho, 1.0, &square(0.35, 0.65), 0.3, 0.6, false)
     };
-    for error in [0.03, 0.01] {
+    for error in [0.03, 0.01, 0.003] {
         furnace("cube in cube", both, error);
     }
 }

@@ -32,11 +32,9 @@ const UNSHOT_SHARE: f64 = 0.2;
 const POINT_LIMIT: f64 = 0.003;
 /// Light that is still to come does not spread evenly: RMS over mean.
 const SPREAD: f64 = 1.5;
-/// The root of the sum of squared link errors, times this, is the error of the solution in dark scenes (calibrated on the reference scenes).
-const LINK_CALIBRATION: f64 = 1.4;
-/// Link errors are reflected on. Where they are of all signs that adds little, but their mean grows with the gain `ρ/(1 − ρ)`: by this share
-/// of it, the second number for each unit of gain, at most all of it (calibrated on furnaces at ρ 0.5 and 0.9).
-const MEAN_SHARE: (f64, f64) = (0.35, 0.07);
+/// The root of the sum of squared link errors, times this, is the error of the solution in dark scenes; the second number is how it grows
+/// with the gain `ρ/(1 − ρ)`, since link errors are reflected on (calibrated on the reference scenes and furnaces).
+const LINK_CALIBRATION: (f64, f64) = (1.4, 0.4);
 /// Below one percent, errors that no sample shows (contacts, thin shadows) fall slower than those of links: the calibration grows with this
 /// power of the target under 0.01.
 const UNSEEN_GROWTH: f64 = 0.25;
@@ -322,8 +320,7 @@ impl<'a, const N: usize> Run<'a, N> {
         let statistics = pass.run(trees, means.crew, means.watch)?;
         let squares = means.crew.map(trees, |_| true, |tree| tree.reflected_norm_squared())?;
         let unseen = (0.01 / self.options.error).max(1.0).powf(UNSEEN_GROWTH);
-        let mean = (MEAN_SHARE.0 + MEAN_SHARE.1 * self.gain).min(1.0) * self.gain;
-        let calibration = LINK_CALIBRATION * mean.hypot(1.0) * unseen;
+        let calibration = LINK_CALIBRATION.0 * (LINK_CALIBRATION.1 * self.gain).hypot(1.0) * unseen;
         let unshot = if self.options.direct_only { 0.0 } else { statistics.unshot_w };
         Ok(Attempt {
             statistics,

@@ -244,10 +244,11 @@ impl<'a, const N: usize> Gather<'a, N> {
         let all = (1u32 << targets.count) - 1;
         let visible = self.trace(p, targets, candidates);
         let unanimous = visible == 0 || visible == all;
-        if how.partial == Partial::Divide && !unanimous {
+        let open = !unanimous || how.doubt;
+        if how.partial == Partial::Divide && open {
             return false;
         }
-        if how.partial == Partial::Exact && (!unanimous || how.doubt) {
+        if how.partial == Partial::Exact && open {
             let Some((light, unoccluded)) = self.fragments_light(p, emitter, candidates, how.constant) else {
                 return false;
             };
