@@ -10,7 +10,7 @@ use wavelet_radiosity::radiosity::probe::{Probe, read_probes};
 use wavelet_radiosity::radiosity::trees;
 use wavelet_radiosity::scene::{self, Light, Scene};
 use wavelet_radiosity::schedule::{Options, Outcome, Silent, solve};
-use wavelet_radiosity::transport::{Alone, Oracle, Rules, SampleRule, Scratch, shoot};
+use wavelet_radiosity::transport::{Alone, Oracle, Rules, SampleRules, Scratch, shoot};
 use wavelet_radiosity::visibility::{Bvh, Occluder, OpaqueFaces};
 
 const BASES: [Basis; 3] = [Basis::Haar, Basis::M2, Basis::M3];
@@ -167,7 +167,7 @@ fn form_factor(emitter: &[[f64; 3]], receiver: &[[f64; 3]], basis: Basis, thresh
         reference_w_m2: 1.0,
         least_reflectance: 0.5,
         point_w_m2: f64::INFINITY,
-        samples: SampleRule::new(basis),
+        samples: SampleRules::new(basis),
     };
     let tree = &mut trees[1];
     let (helpers, mut scratch) = (Alone(&arena), Scratch::default());
@@ -221,7 +221,7 @@ fn uniform_error(basis: Basis, depth: u8) -> f64 {
         reference_w_m2: 1.0,
         least_reflectance: 0.5,
         point_w_m2: f64::INFINITY,
-        samples: SampleRule::new(basis),
+        samples: SampleRules::new(basis),
     };
     let tree = &mut trees[1];
     shoot(&packet, &tree.patch, &mut tree.root, &bvh, &rules, &mut Scratch::default(), &Alone(&arena));

@@ -9,17 +9,17 @@ use ccnuma::arena::Memory;
 use ccnuma::{Team, WorkerPanic};
 
 use crate::math::Basis;
-use crate::radiosity::{Field, Solution, Tree, extent_m};
+use crate::radiosity::{Field, Solution, Tree, add_ambient, extent_m};
 use crate::scene::{Light, Scene, Surface};
 use crate::transport::lamp::Lamp;
-use crate::transport::{Oracle, Rules, SampleRule, Work};
+use crate::transport::{Oracle, Rules, SampleRules, Work};
 use crate::visibility::Occluder;
 
 use super::batch::Batches;
 use super::copies::Copies;
 use super::crew::Crew;
 use super::footprint::Footprint;
-use super::pass::{Pass, PassStatistics};
+use super::pass::{Pass, PassStatistics, REFLECTED_SHARE};
 use super::record::Record;
 use super::watch::{Observer, Watch, observed};
 
@@ -38,6 +38,12 @@ const LINK_CALIBRATION: (f64, f64) = (1.4, 0.4);
 /// Below one percent, errors that no sample shows (contacts, thin shadows) fall slower than those of links: the calibration grows with this
 /// power of the target under 0.01.
 const UNSEEN_GROWTH: f64 = 0.25;
+/// A pilot errs by this at least; it can be all that a coarser target takes.
+const LEAST_PILOT: f64 = 0.02;
+/// A pilot whose direct light errs by at most this share of the target is to meet it.
+const HOPEFUL: f64 = 0.7;
+/// How much coarser its links may then become: what coarser ones lose, they do not see.
+const COARSEST: f64 = 4.0;
 /// Passes after the pilot, at most.
 const MAX_PASSES: usize = 3;
 
@@ -177,6 +183,8 @@ struct Means<'c, 't, 'w> {
 #[derive(Clone, Copy)]
 struct Attempt {
     statistics: PassStatistics,
+    /// Of links of interreflection, in W/m.
+    threshold_w_m: f64,
     norm: f64,
     link_error: f64,
     unshot_error: f64,
@@ -212,12 +220,14 @@ impl<'a, const N: usize> Run<'a, N> {
         let watch = means.watch;
         let target = self.options.error;
         let mut work = Work::default();
-        let pilot_error = (4.0 * target).clamp(0.02, 0.3);
+        let pilot_error = (4.0 * target).clamp(LEAST_PILOT, 0.3);
         let guess = self.guess_norm();
-        let mut threshold = pilot_error * guess / (32.0 * (self.surfaces.len().max(1) as f64).powf(0.25));
+        let threshold = pilot_error * guess / (32.0 * (self.surfaces.len().max(1) as f64).powf(0.25));
         watch.pass(0);
         let mut trees = means.crew.grow::<N>(self.surfaces, self.options.basis)?;
-        let mut attempt = self.attempt(&mut trees, threshold, pilot_error * guess, &mut means)?;
+        let aim = (threshold, pilot_error * guess);
+        let mut attempt = self.attempt(&mut trees, aim, Some(pilot_error), &mut means)?;
+        let mut threshold = attempt.threshold_w_m;
         let mut packet_bytes = attempt.statistics.packet_bytes;
         let mut finished = None;
         work += attempt.work();
@@ -231,18 +241,12 @@ impl<'a, const N: usize> Run<'a, N> {
                 break;
             }
             if links > 0.0 {
-                // Link errors grow with a power of the threshold that depends on the order (measured).
-                let growth = match self.options.basis {
-                    Basis::Haar => 0.5,
-                    Basis::M2 => 0.6,
-                    Basis::M3 => 0.65,
-                };
-                threshold *= (allowed / links).min(1.0).powf(1.0 / growth).max(1e-4);
+                threshold *= (allowed / links).min(1.0).powf(1.0 / self.growth()).max(1e-4);
             }
             watch.pass(passes);
             let fields = means.crew.map(&mut trees, |_| true, |tree| tree.field())?;
             let last = attempt;
-            attempt = self.attempt(&mut trees, threshold, target * attempt.norm, &mut means)?;
+            attempt = self.attempt(&mut trees, (threshold, target * attempt.norm), None, &mut means)?;
             work += attempt.work();
             packet_bytes = packet_bytes.max(attempt.statistics.packet_bytes);
             if attempt.statistics.interrupted {
@@ -287,15 +291,60 @@ impl<'a, const N: usize> Run<'a, N> {
         (emitted + lamps) * self.gain.min(4.0) / self.area_m2.sqrt()
     }
 
+    /// One pass. That of a pilot, which knows the norm by guess only, `goes_by` the direct light it finds and is to err this much.
     fn attempt(
         &self,
         trees: &mut [Tree<N>],
-        threshold_w_m: f64,
-        allowed_w_m: f64,
+        (mut threshold_w_m, aim_w_m): (f64, f64),
+        goes_by: Option<f64>,
         means: &mut Means<'_, '_, '_>,
     ) -> Result<Attempt, WorkerPanic> {
+        let (batches, watch) = (means.batches, means.watch);
+        let mut allowed_w_m = aim_w_m;
+        let rules = self.rules(threshold_w_m, aim_w_m);
+        let pass = self.pass(&rules, aim_w_m, &means.occluders, batches);
+        let (mut statistics, reflected) = pass.illuminate(trees, means.crew, watch)?;
+        if self.options.direct_only {
+            let norm = self.norm(trees, means.crew)?;
+            let link_error = self.link_error(&statistics);
+            return Ok(Attempt { statistics, threshold_w_m, norm, link_error, unshot_error: 0.0 });
+        }
+        // Fine links must carry every surface's light once, so that it is smooth in sum.
+        let goes_by = goes_by.filter(|_| self.options.error >= LEAST_PILOT);
+        if let Some(error) = goes_by {
+            let direct = self.norm(trees, means.crew)?;
+            let (found, wanted) = (self.link_error(&statistics), self.options.error * direct);
+            allowed_w_m = error * direct;
+            if found <= HOPEFUL * wanted {
+                // The target may be within reach at once, and with links no finer than it takes.
+                threshold_w_m *= (wanted / found).powf(1.0 / self.growth()).clamp(1.0, COARSEST);
+                allowed_w_m = wanted;
+            }
+        }
+        let rules = self.rules(threshold_w_m, aim_w_m);
+        let pass = self.pass(&rules, allowed_w_m, &means.occluders, batches);
+        let mut shot_w = pass.reflect(trees, &reflected, means.crew, watch, &mut statistics)?;
+        let done = if reflected.is_empty() { 0.0 } else { REFLECTED_SHARE };
+        pass.interreflect(trees, (done, &mut shot_w), means.crew, watch, &mut statistics)?;
+        let target_w_m = self.options.error * self.norm(trees, means.crew)?;
+        if goes_by.is_some() && self.link_error(&statistics) <= LINK_SHARE * target_w_m {
+            // Links are good enough already: what is left to send need not wait for another pass.
+            let pass = self.pass(&rules, target_w_m, &means.occluders, batches);
+            pass.interreflect(trees, (1.0, &mut shot_w), means.crew, watch, &mut statistics)?;
+        }
+        add_ambient(trees, &shot_w);
+        Ok(Attempt {
+            statistics,
+            threshold_w_m,
+            norm: self.norm(trees, means.crew)?,
+            link_error: self.link_error(&statistics),
+            unshot_error: SPREAD * statistics.unshot_w * self.gain / self.area_m2.sqrt(),
+        })
+    }
+
+    fn rules(&self, threshold_w_m: f64, allowed_w_m: f64) -> Rules {
         let root_area = self.area_m2.sqrt();
-        let rules = Rules {
+        Rules {
             oracle: self.options.oracle,
             threshold_w_m,
             reference_w_m2: self.guess_norm() / root_area,
@@ -305,29 +354,49 @@ impl<'a, const N: usize> Run<'a, N> {
                 Basis::Haar => f64::INFINITY,
                 Basis::M2 | Basis::M3 => POINT_LIMIT * allowed_w_m / root_area,
             },
-            samples: SampleRule::new(self.options.basis),
-        };
-        let pass = Pass {
+            samples: SampleRules::new(self.options.basis),
+        }
+    }
+
+    fn pass<'b>(
+        &'b self,
+        rules: &'b Rules,
+        allowed_w_m: f64,
+        occluders: &'b Copies<Box<dyn Occluder + Send>>,
+        batches: Batches,
+    ) -> Pass<'b, N> {
+        let root_area = self.area_m2.sqrt();
+        Pass {
             lamps: &self.lamps,
             occluder: self.occluder,
-            occluders: &means.occluders,
-            rules: &rules,
-            direct_only: self.options.direct_only,
+            occluders,
+            rules,
             stop_w: UNSHOT_SHARE * allowed_w_m * root_area / (SPREAD * self.gain.max(1e-9)),
             prune_w_m2: 0.02 * allowed_w_m / root_area,
-            batches: means.batches,
-        };
-        let statistics = pass.run(trees, means.crew, means.watch)?;
-        let squares = means.crew.map(trees, |_| true, |tree| tree.reflected_norm_squared())?;
+            batches,
+        }
+    }
+
+    /// The norm of reflected radiosity in W/m.
+    fn norm(&self, trees: &mut [Tree<N>], crew: &mut Crew<'_>) -> Result<f64, WorkerPanic> {
+        let squares = crew.map(trees, |_| true, |tree| tree.reflected_norm_squared())?;
+        Ok(squares.iter().sum::<f64>().sqrt())
+    }
+
+    /// What the errors of links come to in the solution, in W/m.
+    fn link_error(&self, statistics: &PassStatistics) -> f64 {
         let unseen = (0.01 / self.options.error).max(1.0).powf(UNSEEN_GROWTH);
         let calibration = LINK_CALIBRATION.0 * (LINK_CALIBRATION.1 * self.gain).hypot(1.0) * unseen;
-        let unshot = if self.options.direct_only { 0.0 } else { statistics.unshot_w };
-        Ok(Attempt {
-            statistics,
-            norm: squares.iter().sum::<f64>().sqrt(),
-            link_error: calibration * statistics.error_squared.sqrt(),
-            unshot_error: SPREAD * unshot * self.gain / root_area,
-        })
+        calibration * statistics.error_squared.sqrt()
+    }
+
+    /// Link errors grow with this power of the threshold, which depends on the order (measured).
+    fn growth(&self) -> f64 {
+        match self.options.basis {
+            Basis::Haar => 0.5,
+            Basis::M2 => 0.6,
+            Basis::M3 => 0.65,
+        }
     }
 
     fn outcome(

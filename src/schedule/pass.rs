@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use ccnuma::WorkerPanic;
 
-use crate::radiosity::{Tree, add_ambient};
+use crate::radiosity::Tree;
 use crate::transport::lamp::Lamp;
 use crate::transport::{Clusters, Packet, Rules, Work};
 use crate::visibility::Occluder;
@@ -17,7 +17,7 @@ use super::walks::Supply;
 use super::watch::{Stage, Watch};
 
 /// Share of interreflection that sending a first solution's light takes, for the progress shown.
-const REFLECTED_SHARE: f64 = 0.8;
+pub(super) const REFLECTED_SHARE: f64 = 0.8;
 
 /// What a pass is to do.
 pub struct Pass<'a, const N: usize> {
@@ -29,8 +29,6 @@ pub struct Pass<'a, const N: usize> {
     pub(super) occluders: &'a Copies<Box<dyn Occluder + Send>>,
     /// Rules of the pair tasks.
     pub rules: &'a Rules,
-    /// Whether to stop after direct illumination.
-    pub direct_only: bool,
     /// Stop once this much power in W is left unshot.
     pub stop_w: f64,
     /// Detail of packets below this is averaged, in W/m².
@@ -69,14 +67,13 @@ pub struct PassStatistics {
 }
 
 impl<const N: usize> Pass<'_, N> {
-    /// Runs the pass. Trees that hold light are taken as a first solution: every surface sends what it reflects by it once, and from
-    /// then on only what the new solution differs from the old.
-    pub(super) fn run(
+    /// Direct illumination. Trees that hold light are taken as a first solution: what each of them reflects by it is returned, to be sent.
+    pub(super) fn illuminate(
         &self,
         trees: &mut [Tree<N>],
         crew: &mut Crew<'_>,
         watch: &Watch,
-    ) -> Result<PassStatistics, WorkerPanic> {
+    ) -> Result<(PassStatistics, Vec<Packet<N>>), WorkerPanic> {
         let mut statistics = PassStatistics::default();
         let start = Instant::now();
         watch.stage(Stage::Direct);
@@ -91,16 +88,59 @@ impl<const N: usize> Pass<'_, N> {
         statistics.direct = take_work(trees);
         statistics.first_reflection_w = unshot_w(trees);
         statistics.direct_s = start.elapsed().as_secs_f64();
+        self.conclude(trees, watch, &mut statistics);
+        Ok((statistics, reflected))
+    }
+
+    /// Sends what surfaces `reflected` by a first solution, as interreflection; returns how much that is per band, in W.
+    pub(super) fn reflect(
+        &self,
+        trees: &mut [Tree<N>],
+        reflected: &[Packet<N>],
+        crew: &mut Crew<'_>,
+        watch: &Watch,
+        statistics: &mut PassStatistics,
+    ) -> Result<[f64; N], WorkerPanic> {
         let start = Instant::now();
-        if !self.direct_only {
-            self.interreflect(trees, &reflected, crew, watch, &mut statistics)?;
+        watch.stage(Stage::Interreflection);
+        let mut shot_w = [0.0; N];
+        for tree in trees.iter_mut() {
+            tree.indirect_w = [0.0; N];
         }
-        statistics.interreflection = take_work(trees);
-        statistics.interreflection_s = start.elapsed().as_secs_f64();
+        if !reflected.is_empty() {
+            for packet in reflected {
+                for n in 0..N {
+                    shot_w[n] += packet.nodes[0].coefficients[0][n] * trees[packet.surface as usize].area_m2;
+                }
+            }
+            self.shoot_known(&[], reflected, REFLECTED_SHARE, trees, crew, watch, statistics)?;
+            crew.map(trees, |_| true, Tree::measure_unshot)?;
+        }
+        statistics.interreflection_s += start.elapsed().as_secs_f64();
+        Ok(shot_w)
+    }
+
+    /// Has surfaces shoot until little is left; of interreflection the share `done` is behind, and `shot_w` counts what is sent.
+    pub(super) fn interreflect(
+        &self,
+        trees: &mut [Tree<N>],
+        (done, shot_w): (f64, &mut [f64; N]),
+        crew: &mut Crew<'_>,
+        watch: &Watch,
+        statistics: &mut PassStatistics,
+    ) -> Result<(), WorkerPanic> {
+        let start = Instant::now();
+        self.shoot_brightest(trees, (done, shot_w), crew, watch, statistics)?;
+        statistics.interreflection += take_work(trees);
+        statistics.interreflection_s += start.elapsed().as_secs_f64();
+        self.conclude(trees, watch, statistics);
+        Ok(())
+    }
+
+    fn conclude(&self, trees: &[Tree<N>], watch: &Watch, statistics: &mut PassStatistics) {
         statistics.error_squared = trees.iter().map(|tree| tree.error_squared).sum();
         statistics.unshot_w = unshot_w(trees);
         statistics.interrupted = watch.stopped();
-        Ok(statistics)
     }
 
     /// Takes the light that the trees reflect into packets, the brightest first. Surfaces that reflect least, together half of what may be
@@ -130,30 +170,14 @@ impl<const N: usize> Pass<'_, N> {
         Ok(packets)
     }
 
-    fn interreflect(
+    fn shoot_brightest(
         &self,
         trees: &mut [Tree<N>],
-        reflected: &[Packet<N>],
+        (done, shot_w): (f64, &mut [f64; N]),
         crew: &mut Crew<'_>,
         watch: &Watch,
         statistics: &mut PassStatistics,
     ) -> Result<(), WorkerPanic> {
-        watch.stage(Stage::Interreflection);
-        let mut shot_w = [0.0; N];
-        for tree in trees.iter_mut() {
-            tree.indirect_w = [0.0; N];
-        }
-        let mut done = 0.0;
-        if !reflected.is_empty() {
-            for packet in reflected {
-                for n in 0..N {
-                    shot_w[n] += packet.nodes[0].coefficients[0][n] * trees[packet.surface as usize].area_m2;
-                }
-            }
-            self.shoot_known(&[], reflected, REFLECTED_SHARE, trees, crew, watch, statistics)?;
-            crew.map(trees, |_| true, Tree::measure_unshot)?;
-            done = REFLECTED_SHARE;
-        }
         let first = unshot_w(trees);
         let progress = |left: f64| {
             // Power decays geometrically: progress on a logarithmic scale.
@@ -161,14 +185,13 @@ impl<const N: usize> Pass<'_, N> {
             watch.batch(share, share, 1);
         };
         let supply = Supply::Brightest { stop_w: self.stop_w, prune_w_m2: self.prune_w_m2, left: &progress };
-        if let Some(sent_w) = self.walk(&supply, shot_w, trees, crew, watch, statistics)? {
-            add_ambient(trees, &sent_w);
+        if let Some(sent_w) = self.walk(&supply, *shot_w, trees, crew, watch, statistics)? {
+            *shot_w = sent_w;
             return Ok(());
         }
         loop {
             let left = unshot_w(trees);
             if left <= self.stop_w || watch.stopped() {
-                add_ambient(trees, &shot_w);
                 return Ok(());
             }
             progress(left);

@@ -17,7 +17,7 @@ use super::source::Source;
 pub(super) const DRAWS: usize = 4;
 
 /// How many radii of a cluster and a receiver must lie between their centres: within, members differ too much in distance.
-const SEPARATION: f64 = 2.0;
+const SEPARATION: f64 = 1.05;
 
 /// A turn of a normal by a right angle counts as this share of the cluster's extent where members are told apart.
 const TURN: f64 = 0.5;

@@ -7,7 +7,7 @@ use super::gather::{Tolerance, norm};
 use super::packet::Shape;
 use super::pair::{COARSE, Oracle, Shoot};
 use super::receiver::{Receiver, Waiting};
-use super::samples::{MAX_SAMPLES, Projected};
+use super::samples::{MAX_SAMPLES, Projected, SampleRule};
 use super::source::Source;
 use crate::math::{Cell, Split, polygon};
 use crate::scene::Frame;
@@ -25,6 +25,12 @@ const SHADED: f64 = 10.0;
 
 /// Tolerance of the points of links that nothing shades, over the deviation at which these go down.
 const POINT_NOISE: f64 = 5.0;
+
+/// Light that carries at most this many thresholds is sampled at few points and projected on few functions, as long as that suffices.
+const MODEST: f64 = 8.0;
+
+/// How much more of an element's light shadows between those few points may take.
+const MODEST_UNSEEN: f64 = 8.0;
 
 /// How much sharper each further look is, and the sharpest there is.
 const SHARPER: f64 = 0.2;
@@ -51,6 +57,34 @@ struct Look<const N: usize> {
     light: f64,
 }
 
+/// An element that a link is tried on, and what the link may lose there.
+struct Trial<'a> {
+    cell: &'a Cell,
+    hull: &'a [DVec3; 4],
+    candidates: Candidates,
+    area_m2: f64,
+    /// Deviation at a point above which the link goes down to finer elements that are there.
+    point_w_m2: f64,
+    /// The sharpest tolerance of sample points that makes sense.
+    strict_w_m2: f64,
+    /// Share of the light that shadows between the sample points of the full rule may take.
+    hideable: f64,
+    /// Whether the link is to be taken whatever its error.
+    forced: bool,
+}
+
+/// What came of a trial.
+enum Verdict<const N: usize> {
+    /// The light is deposited.
+    Linked,
+    /// The link goes down to the parts that are there.
+    Down(Split),
+    /// A sharper look is wanted; the light seen in W/m².
+    Sharper(f64),
+    /// The element must be divided.
+    Rough(Look<N>),
+}
+
 impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
     /// Samples the element; deposits its projection and returns `None`, or returns how to divide it.
     pub(super) fn try_link<R: Receiver<N>>(
@@ -60,66 +94,99 @@ impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
         hull: &[DVec3; 4],
         candidates: Candidates,
     ) -> Option<Split> {
-        let sampling = self.sample(receiver.shape(), cell);
-        let area = self.patch.frame.area_m2 * cell.area() * receiver.shape().share();
-        let weight = self.weight * area.sqrt();
+        let area_m2 = self.patch.frame.area_m2 * cell.area() * receiver.shape().share();
+        let weight = self.weight * area_m2.sqrt();
         // Where several sources' light is smooth in sum only, noise would show at points long before it counts in the mean square.
         let point_w_m2 = self.rules.point_w_m2;
         let (point_w_m2, quiet_w_m2) = match candidates {
             Candidates::Free => (point_w_m2, POINT_NOISE * point_w_m2),
             _ => (SHADED * point_w_m2, f64::INFINITY),
         };
-        let strict = (POINT_SHARE * self.threshold).min(quiet_w_m2 * area.sqrt()) / weight;
-        let whole = receiver.shape() == Shape::Whole;
-        // A first look, only as sharp as it takes to see that the element must be divided.
+        let strict_w_m2 = (POINT_SHARE * self.threshold).min(quiet_w_m2 * area_m2.sqrt()) / weight;
         let middle = 0.25 * hull.iter().sum::<DVec3>();
         let radius = hull.iter().map(|p| p.distance(middle)).fold(0.0, f64::max);
         let estimate = self.source.estimate_w_m2(middle, radius, self.patch.frame.normal);
         let hideable = self.hideable(cell, candidates);
-        if candidates != Candidates::Free && !matches!(self.rules.oracle, Oracle::Uniform(_)) {
-            let light = self.glance(&middle, estimate);
-            let unseen = 0.7 * self.weight * hideable * light;
-            if area.sqrt() * unseen > self.threshold && cell.size.max_element() > LEAST_EXTENT {
-                return Some(self.longer_side(cell));
-            }
-        }
         let uniform = matches!(self.rules.oracle, Oracle::Uniform(_));
         let indivisible = cell.size.max_element() <= LEAST_EXTENT;
-        let mut tolerance = Tolerance { relative: COARSE, absolute_w_m2: (COARSE * estimate).max(strict) };
-        loop {
-            let mut look = self.look(&sampling, hull, candidates, tolerance, whole);
-            look.unseen *= hideable;
-            let link_error = area.sqrt() * look.error;
-            let sharp = tolerance.absolute_w_m2.max(tolerance.relative * look.light) <= 1.001 * strict
-                || tolerance.relative <= SHARPEST;
-            // What the look may be wrong by must not divide the element.
-            let noise_w_m2 = if sharp { 0.0 } else { self.weight * tolerance.absolute_w_m2 };
-            let noise = area.sqrt() * noise_w_m2;
-            let accepted = uniform
-                || indivisible
-                || link_error.hypot(area.sqrt() * look.unseen) <= self.threshold + noise;
-            let divided = receiver.split();
-            if accepted && divided.is_some() && look.worst > point_w_m2 + noise_w_m2 {
-                return divided;
-            }
-            if !accepted {
-                return Some(self.direction(cell, &look));
-            }
-            if sharp {
-                self.scratch.work.interactions += 1;
-                let (light, error_squared) = (look.projected.coefficients, link_error * link_error);
-                self.deposited.error_squared += error_squared;
-                self.deposit(receiver, &light, area);
-                if look.worst > point_w_m2 && candidates == Candidates::Free && !indivisible {
-                    let waiting = Waiting { cell: *cell, light, area_m2: area, error_squared };
-                    self.deposited.waiting.push(waiting);
+        let forced = uniform || indivisible;
+        let trial = Trial { cell, hull, candidates, area_m2, point_w_m2, strict_w_m2, hideable, forced };
+        let rules = self.rules;
+        // What nothing shades costs no rays, and must be smooth in the sum over sources.
+        if candidates != Candidates::Free && !forced {
+            if weight * estimate <= MODEST * self.threshold {
+                let tolerance = Tolerance { relative: SHARPEST, absolute_w_m2: strict_w_m2 };
+                let rule = &rules.samples.modest;
+                let sampling = self.sample(rule, receiver.shape(), cell);
+                match self.judge(receiver, &trial, (rule, &sampling), MODEST_UNSEEN, tolerance) {
+                    Verdict::Linked => return None,
+                    Verdict::Down(split) => return Some(split),
+                    Verdict::Sharper(_) | Verdict::Rough(_) => {}
                 }
-                return None;
+            } else {
+                let unseen = 0.7 * hideable * self.glance(&middle, estimate);
+                if weight * unseen > self.threshold {
+                    return Some(self.longer_side(cell));
+                }
             }
-            let absolute_w_m2 = (SHARPER * tolerance.absolute_w_m2.min(look.light)).max(strict);
-            tolerance =
-                Tolerance { relative: (absolute_w_m2 / look.light).clamp(SHARPEST, COARSE), absolute_w_m2 };
         }
+        // A first look, only as sharp as it takes to see that the element must be divided.
+        let mut tolerance =
+            Tolerance { relative: COARSE, absolute_w_m2: (COARSE * estimate).max(strict_w_m2) };
+        let rule = &rules.samples.full;
+        let sampling = self.sample(rule, receiver.shape(), cell);
+        loop {
+            match self.judge(receiver, &trial, (rule, &sampling), 1.0, tolerance) {
+                Verdict::Linked => return None,
+                Verdict::Down(split) => return Some(split),
+                Verdict::Rough(look) => return Some(self.direction(cell, &look)),
+                Verdict::Sharper(light) => {
+                    let absolute_w_m2 = (SHARPER * tolerance.absolute_w_m2.min(light)).max(strict_w_m2);
+                    let relative = (absolute_w_m2 / light).clamp(SHARPEST, COARSE);
+                    tolerance = Tolerance { relative, absolute_w_m2 };
+                }
+            }
+        }
+    }
+
+    /// Looks at the element by a rule between whose points `unseen` times more may hide than between the full one's, and links if that will
+    /// do.
+    fn judge<R: Receiver<N>>(
+        &mut self,
+        receiver: &mut R,
+        trial: &Trial<'_>,
+        (rule, sampling): (&SampleRule, &Sampling),
+        unseen: f64,
+        tolerance: Tolerance,
+    ) -> Verdict<N> {
+        let look = self.look(rule, sampling, trial, tolerance, receiver.shape() == Shape::Whole);
+        let root_area = trial.area_m2.sqrt();
+        let link_error = root_area * look.error;
+        let sharp = tolerance.absolute_w_m2.max(tolerance.relative * look.light) <= 1.001 * trial.strict_w_m2
+            || tolerance.relative <= SHARPEST;
+        // What the look may be wrong by must not divide the element.
+        let noise_w_m2 = if sharp { 0.0 } else { self.weight * tolerance.absolute_w_m2 };
+        let hidden = unseen * trial.hideable * root_area * look.unseen;
+        if !trial.forced && link_error.hypot(hidden) > self.threshold + root_area * noise_w_m2 {
+            return Verdict::Rough(look);
+        }
+        let deviates = look.worst > trial.point_w_m2 + noise_w_m2;
+        if let Some(split) = receiver.split().filter(|_| deviates) {
+            return Verdict::Down(split);
+        }
+        if !sharp {
+            return Verdict::Sharper(look.light);
+        }
+        self.scratch.work.interactions += 1;
+        let (light, error_squared) = (look.projected.coefficients, link_error * link_error);
+        self.deposited.error_squared += error_squared;
+        self.deposit(receiver, &light, trial.area_m2);
+        let indivisible = trial.cell.size.max_element() <= LEAST_EXTENT;
+        if deviates && trial.candidates == Candidates::Free && !indivisible {
+            let (cell, area_m2) = (*trial.cell, trial.area_m2);
+            self.deposited.waiting.push(Waiting { cell, light, area_m2, error_squared });
+        }
+        Verdict::Linked
     }
 
     /// Share of the light on an element that shadows between its sample points may take: narrow blockers cast narrow shadows.
@@ -145,9 +212,9 @@ impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
     /// Samples the element once.
     fn look(
         &mut self,
+        rule: &SampleRule,
         sampling: &Sampling,
-        hull: &[DVec3; 4],
-        candidates: Candidates,
+        trial: &Trial<'_>,
         tolerance: Tolerance,
         whole: bool,
     ) -> Look<N> {
@@ -157,14 +224,14 @@ impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
         self.gather(
             &sampling.position[..n],
             &sampling.eye[..n],
-            hull,
-            candidates,
+            trial.hull,
+            trial.candidates,
             tolerance,
             &mut values[..n],
             &mut uncertain[..n],
         );
-        let projected = self.rules.samples.project(&values[..n]);
-        let (error, worst) = self.residual(sampling, &projected, &values, whole);
+        let projected = rule.project(&values[..n]);
+        let (error, worst) = self.residual(rule, sampling, &projected, &values, whole);
         let unseen = self.weight * mean_square(&uncertain[..n], sampling.inside).sqrt();
         let light = values[..n].iter().map(norm).fold(0.0, f64::max);
         Look { projected, error, worst, unseen, light }
@@ -173,12 +240,12 @@ impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
     /// RMS error of the projected irradiance over the element times the weight, and the largest at a test point, in W/m².
     fn residual(
         &self,
+        rule: &SampleRule,
         sampling: &Sampling,
         projected: &Projected<N>,
         values: &[[f64; N]; MAX_SAMPLES],
         whole: bool,
     ) -> (f64, f64) {
-        let rule = &self.rules.samples;
         let tests = if whole { rule.nodes..sampling.count } else { 0..sampling.count };
         let (mut sum, mut count, mut worst) = (0.0, 0, 0.0f64);
         for p in tests.filter(|p| sampling.inside & (1 << p) != 0) {
@@ -220,8 +287,7 @@ impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
         }
     }
 
-    fn sample(&self, shape: Shape<&[DVec2]>, cell: &Cell) -> Sampling {
-        let rule = &self.rules.samples;
+    fn sample(&self, rule: &SampleRule, shape: Shape<&[DVec2]>, cell: &Cell) -> Sampling {
         let frame = &self.patch.frame;
         let mut sampling = Sampling {
             count: rule.points.len(),

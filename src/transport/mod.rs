@@ -31,7 +31,7 @@ pub use lamp::Lamp;
 pub use packet::{Detail, Packet, PacketNode, Shape};
 pub use pair::{Oracle, Rules, Scratch, shoot};
 pub use receiver::{Deposited, Patch, Receiver, Waiting};
-pub use samples::SampleRule;
+pub use samples::SampleRules;
 pub use several::Packets;
 pub use share::{Alone, Half, Helpers};
 pub use source::Source;

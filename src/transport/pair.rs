@@ -10,7 +10,7 @@ use super::candidates::{Candidates, narrow};
 use super::gather::{Points, Tolerance, norm};
 use super::packet::{Shape, cell_corners};
 use super::receiver::{Deposited, Patch, Receiver, Waiting};
-use super::samples::SampleRule;
+use super::samples::SampleRules;
 use super::share::Helpers;
 use super::source::Source;
 use super::unblocked::Fragments;
@@ -51,7 +51,7 @@ pub struct Rules {
     /// that other sources of its batch make later.
     pub point_w_m2: f64,
     /// How receivers are sampled and projected.
-    pub samples: SampleRule,
+    pub samples: SampleRules,
 }
 
 /// Working memory and counts of one worker.

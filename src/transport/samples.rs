@@ -34,13 +34,29 @@ pub struct SampleRule {
     pub points: Vec<DVec2>,
     /// How many of them are nodes.
     pub nodes: usize,
-    /// `projection[a][q]` = `w_q φ_a(ξ_q)`: coefficients from values at the nodes.
+    /// `projection[a][q]` = `w_q φ_a(ξ_q)`: coefficients from values at the nodes; empty for functions that are left out.
     projection: Vec<Vec<f64>>,
     /// The same for the coefficients of order k in u and of order k in v, which the basis leaves out.
     beyond_u: Vec<Vec<f64>>,
     beyond_v: Vec<Vec<f64>>,
     /// `functions[p][a]` = `φ_a(ξ_p)` at every sample point.
     functions: Vec<[f64; MAX_FUNCTIONS]>,
+}
+
+/// The rules of a run.
+#[derive(Clone, Debug)]
+pub struct SampleRules {
+    /// For light that matters.
+    pub full: SampleRule,
+    /// For light that matters little.
+    pub modest: SampleRule,
+}
+
+impl SampleRules {
+    /// The rules for `basis`.
+    pub fn new(basis: Basis) -> Self {
+        Self { full: SampleRule::new(basis), modest: SampleRule::modest(basis) }
+    }
 }
 
 /// A projection and what it leaves out.
@@ -52,26 +68,38 @@ pub struct Projected<const N: usize> {
 }
 
 impl SampleRule {
-    /// The rule for `basis`.
-    pub fn new(basis: Basis) -> Self {
+    /// The rule that keeps all of `basis`.
+    fn new(basis: Basis) -> Self {
         let k = basis.order();
-        let (nodes, weights) = gauss(k + 1);
-        let grid: Vec<(usize, usize)> = (0..=k).flat_map(|i| (0..=k).map(move |j| (i, j))).collect();
+        Self::with(basis, k, k + 1, &TESTS)
+    }
+
+    /// The mean and, where the basis has them, slopes, from four nodes and one test.
+    fn modest(basis: Basis) -> Self {
+        Self::with(basis, basis.order().min(2), 2, &[(0.5, 0.5)])
+    }
+
+    /// A rule that keeps the first `k` functions per dimension of `basis`, from `n × n` nodes, `n ≥ k`; nothing beyond is known if `n = k`.
+    fn with(basis: Basis, k: usize, n: usize, tests: &[(f64, f64)]) -> Self {
+        let (nodes, weights) = gauss(n);
+        let grid: Vec<(usize, usize)> = (0..n).flat_map(|i| (0..n).map(move |j| (i, j))).collect();
         let row = |a: usize, b: usize| -> Vec<f64> {
             let entry = |(i, j): &(usize, usize)| {
                 weights[*i] * weights[*j] * legendre(nodes[*i])[a] * legendre(nodes[*j])[b]
             };
             grid.iter().map(entry).collect()
         };
+        let kept = |a: usize| (a / basis.order()).max(a % basis.order()) < k;
+        let both = |a: usize| row(a / basis.order(), a % basis.order());
+        let beyond = if n > k { k + 1 } else { 0 };
         let mut points: Vec<DVec2> = grid.iter().map(|(i, j)| DVec2::new(nodes[*i], nodes[*j])).collect();
-        let tests = TESTS.len();
-        points.extend(TESTS[..tests].iter().map(|(x, y)| DVec2::new(*x, *y)));
+        points.extend(tests.iter().map(|(x, y)| DVec2::new(*x, *y)));
         Self {
             basis,
             nodes: grid.len(),
-            projection: (0..k).flat_map(|a| (0..k).map(move |b| (a, b))).map(|(a, b)| row(a, b)).collect(),
-            beyond_u: (0..=k).map(|b| row(k, b)).collect(),
-            beyond_v: (0..k).map(|a| row(a, k)).collect(),
+            projection: (0..basis.len()).map(|a| if kept(a) { both(a) } else { Vec::new() }).collect(),
+            beyond_u: (0..beyond).map(|b| row(k, b)).collect(),
+            beyond_v: (0..beyond.saturating_sub(1)).map(|a| row(a, k)).collect(),
             functions: points.iter().map(|p| basis.evaluate(*p)).collect(),
             points,
         }

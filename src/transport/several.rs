@@ -159,7 +159,7 @@ mod tests {
     use crate::math::Basis;
     use crate::radiosity::{Tree, trees};
     use crate::scene::{read::inventor, surfaces};
-    use crate::transport::{Alone, SampleRule};
+    use crate::transport::{Alone, SampleRules};
     use crate::visibility::{Bvh, OpaqueFaces};
 
     /// A floor under a cloud of little squares that look down, up and sideways, and a shelf that shades a part of it.
@@ -212,7 +212,7 @@ mod tests {
                 reference_w_m2: 1.0,
                 least_reflectance: 0.5,
                 point_w_m2: f64::INFINITY,
-                samples: SampleRule::new(Basis::M2),
+                samples: SampleRules::new(Basis::M2),
             };
             let clusters = Clusters::of(&packets, &rules);
             let together = Packets { packets: &packets, clusters: clusters.as_ref() };
