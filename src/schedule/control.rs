@@ -38,8 +38,9 @@ const LINK_CALIBRATION: (f64, f64) = (1.4, 0.4);
 /// Below one percent, errors that no sample shows (contacts, thin shadows) fall slower than those of links: the calibration grows with this
 /// power of the target under 0.01.
 const UNSEEN_GROWTH: f64 = 0.25;
-/// A pilot errs by this at least; it can be all that a coarser target takes.
-const LEAST_PILOT: f64 = 0.02;
+/// A target at or above this may be met by the pilot. Finer ones want a pass that carries every surface's light once: many shots, each
+/// projected for itself, sum up to more than their links show.
+const PILOT_ONLY: f64 = 0.1;
 /// A pilot whose direct light errs by at most this share of the target is to meet it.
 const HOPEFUL: f64 = 0.7;
 /// How much coarser its links may then become: what coarser ones lose, they do not see.
@@ -220,7 +221,7 @@ impl<'a, const N: usize> Run<'a, N> {
         let watch = means.watch;
         let target = self.options.error;
         let mut work = Work::default();
-        let pilot_error = (4.0 * target).clamp(LEAST_PILOT, 0.3);
+        let pilot_error = (4.0 * target).clamp(0.02, 0.3);
         let guess = self.guess_norm();
         let threshold = pilot_error * guess / (32.0 * (self.surfaces.len().max(1) as f64).powf(0.25));
         watch.pass(0);
@@ -309,8 +310,7 @@ impl<'a, const N: usize> Run<'a, N> {
             let link_error = self.link_error(&statistics);
             return Ok(Attempt { statistics, threshold_w_m, norm, link_error, unshot_error: 0.0 });
         }
-        // Fine links must carry every surface's light once, so that it is smooth in sum.
-        let goes_by = goes_by.filter(|_| self.options.error >= LEAST_PILOT);
+        let goes_by = goes_by.filter(|_| self.options.error >= PILOT_ONLY);
         if let Some(error) = goes_by {
             let direct = self.norm(trees, means.crew)?;
             let (found, wanted) = (self.link_error(&statistics), self.options.error * direct);
