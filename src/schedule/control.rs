@@ -217,7 +217,7 @@ impl<'a, const N: usize> Run<'a, N> {
         let mut threshold = pilot_error * guess / (32.0 * (self.surfaces.len().max(1) as f64).powf(0.25));
         watch.pass(0);
         let mut trees = means.crew.grow::<N>(self.surfaces, self.options.basis)?;
-        let mut attempt = self.attempt(&mut trees, threshold, pilot_error * guess, &mut means)?;
+        let mut attempt = self.attempt(&mut trees, false, threshold, pilot_error * guess, &mut means)?;
         let mut packet_bytes = attempt.statistics.packet_bytes;
         let mut finished = None;
         work += attempt.work();
@@ -242,7 +242,7 @@ impl<'a, const N: usize> Run<'a, N> {
             watch.pass(passes);
             let fields = means.crew.map(&mut trees, |_| true, |tree| tree.field())?;
             let last = attempt;
-            attempt = self.attempt(&mut trees, threshold, target * attempt.norm, &mut means)?;
+            attempt = self.attempt(&mut trees, true, threshold, target * attempt.norm, &mut means)?;
             work += attempt.work();
             packet_bytes = packet_bytes.max(attempt.statistics.packet_bytes);
             if attempt.statistics.interrupted {
@@ -290,6 +290,7 @@ impl<'a, const N: usize> Run<'a, N> {
     fn attempt(
         &self,
         trees: &mut [Tree<N>],
+        lit: bool,
         threshold_w_m: f64,
         allowed_w_m: f64,
         means: &mut Means<'_, '_, '_>,
@@ -312,6 +313,7 @@ impl<'a, const N: usize> Run<'a, N> {
             occluder: self.occluder,
             occluders: &means.occluders,
             rules: &rules,
+            lit,
             direct_only: self.options.direct_only,
             stop_w: UNSHOT_SHARE * allowed_w_m * root_area / (SPREAD * self.gain.max(1e-9)),
             prune_w_m2: 0.02 * allowed_w_m / root_area,
@@ -342,22 +344,23 @@ impl<'a, const N: usize> Run<'a, N> {
         let statistics = attempt.statistics;
         let error = attempt.link_error.hypot(attempt.unshot_error);
         let first = statistics.first_reflection_w;
+        let elements = fields.iter().map(Field::leaves).sum();
+        let visibility = self.occluder.bytes() * (1 + means.occluders.len());
+        let others = [
+            ("packets", statistics.packet_bytes),
+            ("visibility", visibility as u64),
+            ("solution", fields.iter().map(Field::bytes).sum::<usize>() as u64),
+        ];
+        let footprint = means.crew.footprint(&mut trees, others)?;
+        let surface = |tree: &Tree<N>| self.surfaces[tree.patch.surface as usize].clone();
         let solution = Solution {
             scene: self.scene.clone(),
-            surfaces: self.surfaces.to_vec(),
+            surfaces: means.crew.fell(&mut trees, surface)?,
             fields,
             error_target: self.options.error,
             error_estimate: if attempt.norm > 0.0 { error / attempt.norm } else { 0.0 },
             incomplete: statistics.interrupted,
         };
-        let elements = solution.fields.iter().map(Field::leaves).sum();
-        let visibility = self.occluder.bytes() * (1 + means.occluders.len());
-        let others = [
-            ("packets", statistics.packet_bytes),
-            ("visibility", visibility as u64),
-            ("solution", solution.fields.iter().map(Field::bytes).sum::<usize>() as u64),
-        ];
-        let footprint = means.crew.footprint(&mut trees, others)?;
         let cost = attempt.work().cost().max(1) as f64;
         let share = |longest: u64| longest as f64 / cost;
         Ok(Outcome {

@@ -195,6 +195,20 @@ impl<'t> Crew<'t> {
         self.at_home(index, |i| *i, |i, arena| Tree::new(*i as u32, &surfaces[*i], basis, arena))
     }
 
+    /// Takes from the trees all that they own, each at its home, after a last look at it; returns the looks in the trees' order.
+    pub fn fell<const N: usize, R: Send>(
+        &mut self,
+        trees: &mut [Tree<N>],
+        last: impl Fn(&Tree<N>) -> R + Sync,
+    ) -> Result<Vec<R>, WorkerPanic> {
+        let fell = |tree: &mut &mut Tree<N>, arena: &Arena| {
+            let look = last(tree);
+            tree.fell(arena);
+            look
+        };
+        self.at_home(trees.iter_mut().collect(), |tree| tree.patch.surface as usize, fell)
+    }
+
     /// Gives every tree a home by the work since the last time, where that leaves nodes much less unequal, and moves trees to theirs.
     pub fn settle<const N: usize>(&mut self, trees: &mut [Tree<N>]) -> Result<(), WorkerPanic> {
         let work = std::mem::replace(&mut self.work, vec![0; trees.len()]);

@@ -10,7 +10,7 @@ use crate::transport::lamp::Lamp;
 use crate::transport::{Clusters, Packet, Rules, Work};
 use crate::visibility::Occluder;
 
-use super::batch::{Batch, Batches};
+use super::batch::{Batch, Batches, brightest};
 use super::copies::Copies;
 use super::crew::{Crew, Longest};
 use super::walks::Supply;
@@ -29,6 +29,9 @@ pub struct Pass<'a, const N: usize> {
     pub(super) occluders: &'a Copies<Box<dyn Occluder + Send>>,
     /// Rules of the pair tasks.
     pub rules: &'a Rules,
+    /// Whether the trees hold a first solution: every surface sends what it reflects by it once, and from then on only what the new solution
+    /// differs from the old.
+    pub lit: bool,
     /// Whether to stop after direct illumination.
     pub direct_only: bool,
     /// Stop once this much power in W is left unshot.
@@ -69,8 +72,7 @@ pub struct PassStatistics {
 }
 
 impl<const N: usize> Pass<'_, N> {
-    /// Runs the pass. Trees that hold light are taken as a first solution: every surface sends what it reflects by it once, and from
-    /// then on only what the new solution differs from the old.
+    /// Runs the pass.
     pub(super) fn run(
         &self,
         trees: &mut [Tree<N>],
@@ -81,7 +83,7 @@ impl<const N: usize> Pass<'_, N> {
         let start = Instant::now();
         watch.stage(Stage::Direct);
         crew.settle(trees)?;
-        let reflected = self.restart(trees, crew)?;
+        let reflected = if self.lit { self.restart(trees, crew)? } else { Vec::new() };
         let emitters: Vec<Packet<N>> = trees
             .iter()
             .filter(|tree| tree.exitance_w_m2.iter().any(|m| *m > 0.0))
@@ -107,15 +109,9 @@ impl<const N: usize> Pass<'_, N> {
     /// left unshot, send nothing yet.
     fn restart(&self, trees: &mut [Tree<N>], crew: &mut Crew<'_>) -> Result<Vec<Packet<N>>, WorkerPanic> {
         crew.map(trees, |_| true, Tree::unshoot)?;
-        let mut order: Vec<usize> = (0..trees.len()).collect();
-        order.sort_by(|a, b| trees[*b].unshot_w.total_cmp(&trees[*a].unshot_w).then(a.cmp(b)));
-        let mut left = unshot_w(trees);
         let mut rank = vec![None; trees.len()];
-        for (place, index) in order.into_iter().enumerate() {
-            if left > 0.5 * self.stop_w {
-                left -= trees[index].unshot_w;
-                rank[index] = Some(place);
-            }
+        for (place, index) in brightest(trees, 0.5 * self.stop_w).into_iter().enumerate() {
+            rank[index] = Some(place);
         }
         let rank = |surface: u32| rank[surface as usize];
         let restart = |tree: &mut Tree<N>| match rank(tree.patch.surface) {
