@@ -250,6 +250,8 @@ impl<'a, const N: usize> Run<'a, N> {
                 attempt = last;
                 attempt.statistics.interrupted = true;
                 finished = Some(fields);
+            } else {
+                means.crew.discard(fields)?;
             }
             passes += 1;
         }

@@ -19,6 +19,10 @@ use super::watch::{Stage, Watch};
 /// Share of interreflection that sending a first solution's light takes, for the progress shown.
 const REFLECTED_SHARE: f64 = 0.8;
 
+/// So many sources are looked at to tell receivers that will cost much from those that will not; what is expected counts in such parts.
+const LOOKED_AT: usize = 64;
+const COST_UNIT: f64 = 100.0;
+
 /// What a pass is to do.
 pub struct Pass<'a, const N: usize> {
     /// Lights without area.
@@ -82,20 +86,24 @@ impl<const N: usize> Pass<'_, N> {
         let mut statistics = PassStatistics::default();
         let start = Instant::now();
         watch.stage(Stage::Direct);
-        crew.settle(trees)?;
-        let reflected = if self.lit { self.restart(trees, crew)? } else { Vec::new() };
         let emitters: Vec<Packet<N>> = trees
             .iter()
             .filter(|tree| tree.exitance_w_m2.iter().any(|m| *m > 0.0))
             .map(Tree::exitance_packet)
             .collect();
+        if !self.lit && crew.plans() {
+            let expected = crew.map(trees, |_| true, |tree| self.expected_cost(tree, &emitters))?;
+            crew.expect(expected);
+        }
+        crew.settle(trees)?;
+        let reflected = self.begin(trees, crew)?;
         self.shoot_known(self.lamps, &emitters, 1.0, trees, crew, watch, &mut statistics)?;
         statistics.direct = take_work(trees);
         statistics.first_reflection_w = unshot_w(trees);
         statistics.direct_s = start.elapsed().as_secs_f64();
         let start = Instant::now();
         if !self.direct_only {
-            self.interreflect(trees, &reflected, crew, watch, &mut statistics)?;
+            self.interreflect(trees, reflected, crew, watch, &mut statistics)?;
         }
         statistics.interreflection = take_work(trees);
         statistics.interreflection_s = start.elapsed().as_secs_f64();
@@ -103,6 +111,28 @@ impl<const N: usize> Pass<'_, N> {
         statistics.unshot_w = unshot_w(trees);
         statistics.interrupted = watch.stopped();
         Ok(statistics)
+    }
+
+    /// What a tree may cost in direct illumination, beside the others. Of many sources some stand for all.
+    fn expected_cost(&self, tree: &Tree<N>, emitters: &[Packet<N>]) -> u64 {
+        let every = (self.lamps.len() + emitters.len()).div_ceil(LOOKED_AT).max(1);
+        let area_m2 = tree.area_m2;
+        let of_lamps = self.lamps.iter().step_by(every);
+        let of_lamps = of_lamps.map(|lamp| tree.patch.expected_cost(lamp, area_m2, self.rules));
+        let of_surfaces = emitters.iter().step_by(every);
+        let of_surfaces = of_surfaces.map(|packet| tree.patch.expected_cost(packet, area_m2, self.rules));
+        (COST_UNIT * of_lamps.chain(of_surfaces).sum::<f64>()) as u64
+    }
+
+    /// Makes the trees dark, and what they reflect packets if it is to be sent on.
+    fn begin(&self, trees: &mut [Tree<N>], crew: &mut Crew<'_>) -> Result<Vec<Packet<N>>, WorkerPanic> {
+        if self.lit && !self.direct_only {
+            return self.restart(trees, crew);
+        }
+        if self.lit {
+            crew.map(trees, |_| true, Tree::darken)?;
+        }
+        Ok(Vec::new())
     }
 
     /// Takes the light that the trees reflect into packets, the brightest first. Surfaces that reflect least, together half of what may be
@@ -129,7 +159,7 @@ impl<const N: usize> Pass<'_, N> {
     fn interreflect(
         &self,
         trees: &mut [Tree<N>],
-        reflected: &[Packet<N>],
+        reflected: Vec<Packet<N>>,
         crew: &mut Crew<'_>,
         watch: &Watch,
         statistics: &mut PassStatistics,
@@ -141,12 +171,13 @@ impl<const N: usize> Pass<'_, N> {
         }
         let mut done = 0.0;
         if !reflected.is_empty() {
-            for packet in reflected {
+            for packet in &reflected {
                 for n in 0..N {
                     shot_w[n] += packet.nodes[0].coefficients[0][n] * trees[packet.surface as usize].area_m2;
                 }
             }
-            self.shoot_known(&[], reflected, REFLECTED_SHARE, trees, crew, watch, statistics)?;
+            self.shoot_known(&[], &reflected, REFLECTED_SHARE, trees, crew, watch, statistics)?;
+            crew.discard(reflected)?;
             crew.map(trees, |_| true, Tree::measure_unshot)?;
             done = REFLECTED_SHARE;
         }
@@ -169,14 +200,15 @@ impl<const N: usize> Pass<'_, N> {
             }
             progress(left);
             let shooters = self.batches.choose(trees, self.stop_w);
-            for shooter in &shooters {
-                let power_w = trees[*shooter].unshot_by_band_w();
+            let shoots = |tree: &Tree<N>| shooters.binary_search(&(tree.patch.surface as usize)).is_ok();
+            let taken =
+                crew.map(trees, shoots, |tree| (tree.unshot_by_band_w(), tree.take_packet(self.prune_w_m2)))?;
+            let (powers_w, packets): (Vec<[f64; N]>, Vec<Packet<N>>) = taken.into_iter().unzip();
+            for power_w in powers_w {
                 for n in 0..N {
                     shot_w[n] += power_w[n];
                 }
             }
-            let shoots = |tree: &Tree<N>| shooters.binary_search(&(tree.patch.surface as usize)).is_ok();
-            let packets = crew.map(trees, shoots, |tree| tree.take_packet(self.prune_w_m2))?;
             self.shoot(
                 &Batch { lamps: &[], packets: &packets, clusters: None },
                 trees,
@@ -184,6 +216,7 @@ impl<const N: usize> Pass<'_, N> {
                 watch,
                 statistics,
             )?;
+            crew.discard(packets)?;
         }
     }
 
