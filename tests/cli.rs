@@ -256,7 +256,7 @@ fn schedules_differ_in_who_works_only_and_the_report_says_who_did() {
     for (schedule, workers, count) in cases {
         let results = format!("--out {schedule}{count}.wrad --report a.json --quiet");
         let (code, _, err) =
-            place.run(&format!("solve box.iv --error 0.2 --schedule {schedule} {workers} {results}"));
+            place.run(&format!("solve box.iv --error 0.05 --schedule {schedule} {workers} {results}"));
         assert_eq!(code, 0, "{err}");
         let report = place.json("a.json");
         assert_eq!(

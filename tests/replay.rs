@@ -22,13 +22,13 @@ fn record(name: &str, error: f64) -> Record {
     let bvh = Bvh::new(OpaqueFaces::new(&scene));
     let options = Options { error, basis: Basis::M2, oracle: Oracle::Energy, direct_only: false };
     let (_, mut record) = solve_recorded(Batches::Fitted, &scene, &surfaces, &bvh, &options, &mut Silent);
-    record.steps.retain(|step| matches!(step, Step::Batch(_)));
+    record.steps.retain(|step| matches!(step, Step::Batch(_) | Step::Expect(_)));
     for step in &mut record.steps {
         let Step::Batch(batch) = step else { continue };
         batch.small = Default::default();
         batch.tasks.iter_mut().for_each(|task| task.seconds = task.cost as f32);
     }
-    record.steps.insert(0, Step::Settle);
+    record.steps.insert(1, Step::Settle);
     record
 }
 
@@ -69,8 +69,8 @@ fn slept(record: &Record, workers: usize) -> f64 {
     let machine = Machine::synthetic("numa:1 core:64 pu:1").unwrap();
     let plan = Plan::new(machine.into(), Policy::None, Some(workers)).unwrap();
     let mut team = Team::new(&plan).unwrap();
-    let total: f64 = record.areas_m2.iter().sum();
-    let mut costs: Vec<u64> = record.areas_m2.iter().map(|area| (1e6 * area / total) as u64).collect();
+    let Step::Expect(expected) = &record.steps[0] else { panic!("nothing was expected of the first batch") };
+    let mut costs = expected.clone();
     let start = Instant::now();
     for batch in record.batches() {
         batch_slept(&mut team, batch, &costs);

@@ -213,12 +213,12 @@ pub fn victims_by_closeness(plan: &Plan, worker: usize) -> Vec<(Closeness, Vec<u
             _ => Closeness::Remote(plan.machine.distances[mine][theirs]),
         }
     };
+    let nodes = plan.machine.nodes_by_distance(plan.slots[worker].node);
+    let place = |other: usize| nodes.iter().position(|node| *node == plan.slots[other].node);
     let mut tiers = std::collections::BTreeMap::<_, Vec<usize>>::new();
     for other in (0..plan.slots.len()).filter(|&other| other != worker) {
         // Nodes at the same distance are told apart, so that an inbox is looked into just before its own workers.
-        let closeness = closeness(other);
-        let node = if closeness < Closeness::Remote(0) { 0 } else { plan.slots[other].node };
-        tiers.entry((closeness, node)).or_default().push(other);
+        tiers.entry((closeness(other), place(other))).or_default().push(other);
     }
     tiers.into_iter().map(|((closeness, _), workers)| (closeness, workers)).collect()
 }

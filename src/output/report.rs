@@ -210,7 +210,7 @@ pub struct Memory {
     pub pages_per_node: Known<BTreeMap<String, u64>>,
     /// Share of the pages that hold elements which is on the home node of these elements' surface.
     pub pages_at_home: Known<f64>,
-    /// Trees that moved to another home between passes, because the recorded work was lopsided.
+    /// Trees that moved to another home before a pass, because the work expected or recorded was lopsided.
     pub surfaces_moved: u64,
     /// What the system did not do as asked, such as binding pages.
     pub notes: Vec<String>,

@@ -121,6 +121,13 @@ impl<const N: usize> Tree<N> {
         self.root = self.root.copy_to(arena);
     }
 
+    /// Drops all that the tree owns; nothing can be done with it any more.
+    pub fn fell(&mut self, arena: &Arena) {
+        self.root = Element::new(self.basis, &Shape::Outside, arena);
+        self.patch.corners = Box::default();
+        self.outline = None;
+    }
+
     /// Bytes besides the elements.
     pub fn bytes(&self) -> usize {
         let outline = self.outline.as_deref().map_or(0, size_of_val);

@@ -39,19 +39,14 @@ impl Batches {
     /// Who shoots next, by index: the brightest, and with it those that are nearly as bright; of many, all but the dimmest. `stop_w` is the
     /// power in W that may be left unshot.
     pub fn choose<const N: usize>(self, trees: &[Tree<N>], stop_w: f64) -> Vec<usize> {
-        let mut lit: Vec<usize> = (0..trees.len()).filter(|i| trees[*i].unshot_w > 0.0).collect();
-        lit.sort_by(|a, b| trees[*b].unshot_w.total_cmp(&trees[*a].unshot_w).then(a.cmp(b)));
-        if self == Batches::Fitted && lit.len() >= MANY {
-            let mut left: f64 = lit.iter().map(|i| trees[*i].unshot_w).sum();
-            let kept = (KEPT * left).max(0.5 * stop_w);
-            lit.retain(|i| {
-                let shoots = left > kept;
-                left -= trees[*i].unshot_w;
-                shoots
-            });
-            lit.sort_unstable();
-            return lit;
+        let lit = || trees.iter().map(|tree| tree.unshot_w).filter(|unshot_w| *unshot_w > 0.0);
+        if self == Batches::Fitted && lit().count() >= MANY {
+            let kept = (KEPT * lit().sum::<f64>()).max(0.5 * stop_w);
+            let mut shooters = brightest(trees, kept);
+            shooters.sort_unstable();
+            return shooters;
         }
+        let mut lit = brightest(trees, f64::NEG_INFINITY);
         let most = match self {
             Batches::Single | Batches::None(_) => 1,
             Batches::Fitted => {
@@ -65,6 +60,20 @@ impl Batches {
         lit.sort_unstable();
         lit
     }
+}
+
+/// Surfaces that have light to send, the brightest first, as many as it takes to leave no more than `left_w` unshot.
+pub(super) fn brightest<const N: usize>(trees: &[Tree<N>], left_w: f64) -> Vec<usize> {
+    let mut lit: Vec<(f64, usize)> =
+        trees.iter().map(|tree| tree.unshot_w).zip(0..).filter(|(unshot_w, _)| *unshot_w > 0.0).collect();
+    lit.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    let mut left: f64 = trees.iter().map(|tree| tree.unshot_w).sum();
+    let shoots = lit.iter().take_while(|(unshot_w, _)| {
+        let shoots = left > left_w;
+        left -= unshot_w;
+        shoots
+    });
+    shoots.map(|(_, index)| *index).collect()
 }
 
 /// Sources that are shot together.

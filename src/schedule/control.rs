@@ -255,6 +255,8 @@ impl<'a, const N: usize> Run<'a, N> {
                 attempt = last;
                 attempt.statistics.interrupted = true;
                 finished = Some(fields);
+            } else {
+                means.crew.discard(fields)?;
             }
             passes += 1;
         }
@@ -302,8 +304,9 @@ impl<'a, const N: usize> Run<'a, N> {
     ) -> Result<Attempt, WorkerPanic> {
         let (batches, watch) = (means.batches, means.watch);
         let mut allowed_w_m = aim_w_m;
+        let lit = goes_by.is_none();
         let rules = self.rules(threshold_w_m, aim_w_m);
-        let pass = self.pass(&rules, aim_w_m, &means.occluders, batches);
+        let pass = self.pass((&rules, lit), aim_w_m, &means.occluders, batches);
         let (mut statistics, reflected) = pass.illuminate(trees, means.crew, watch)?;
         if self.options.direct_only {
             let norm = self.norm(trees, means.crew)?;
@@ -322,14 +325,14 @@ impl<'a, const N: usize> Run<'a, N> {
             }
         }
         let rules = self.rules(threshold_w_m, aim_w_m);
-        let pass = self.pass(&rules, allowed_w_m, &means.occluders, batches);
-        let mut shot_w = pass.reflect(trees, &reflected, means.crew, watch, &mut statistics)?;
+        let pass = self.pass((&rules, lit), allowed_w_m, &means.occluders, batches);
         let done = if reflected.is_empty() { 0.0 } else { REFLECTED_SHARE };
+        let mut shot_w = pass.reflect(trees, reflected, means.crew, watch, &mut statistics)?;
         pass.interreflect(trees, (done, &mut shot_w), means.crew, watch, &mut statistics)?;
         let target_w_m = self.options.error * self.norm(trees, means.crew)?;
         if goes_by.is_some() && self.link_error(&statistics) <= LINK_SHARE * target_w_m {
             // Links are good enough already: what is left to send need not wait for another pass.
-            let pass = self.pass(&rules, target_w_m, &means.occluders, batches);
+            let pass = self.pass((&rules, lit), target_w_m, &means.occluders, batches);
             pass.interreflect(trees, (1.0, &mut shot_w), means.crew, watch, &mut statistics)?;
         }
         add_ambient(trees, &shot_w);
@@ -360,7 +363,7 @@ impl<'a, const N: usize> Run<'a, N> {
 
     fn pass<'b>(
         &'b self,
-        rules: &'b Rules,
+        (rules, lit): (&'b Rules, bool),
         allowed_w_m: f64,
         occluders: &'b Copies<Box<dyn Occluder + Send>>,
         batches: Batches,
@@ -371,6 +374,8 @@ impl<'a, const N: usize> Run<'a, N> {
             occluder: self.occluder,
             occluders,
             rules,
+            lit,
+            direct_only: self.options.direct_only,
             stop_w: UNSHOT_SHARE * allowed_w_m * root_area / (SPREAD * self.gain.max(1e-9)),
             prune_w_m2: 0.02 * allowed_w_m / root_area,
             batches,
@@ -411,22 +416,23 @@ impl<'a, const N: usize> Run<'a, N> {
         let statistics = attempt.statistics;
         let error = attempt.link_error.hypot(attempt.unshot_error);
         let first = statistics.first_reflection_w;
+        let elements = fields.iter().map(Field::leaves).sum();
+        let visibility = self.occluder.bytes() * (1 + means.occluders.len());
+        let others = [
+            ("packets", statistics.packet_bytes),
+            ("visibility", visibility as u64),
+            ("solution", fields.iter().map(Field::bytes).sum::<usize>() as u64),
+        ];
+        let footprint = means.crew.footprint(&mut trees, others)?;
+        let surface = |tree: &Tree<N>| self.surfaces[tree.patch.surface as usize].clone();
         let solution = Solution {
             scene: self.scene.clone(),
-            surfaces: self.surfaces.to_vec(),
+            surfaces: means.crew.fell(&mut trees, surface)?,
             fields,
             error_target: self.options.error,
             error_estimate: if attempt.norm > 0.0 { error / attempt.norm } else { 0.0 },
             incomplete: statistics.interrupted,
         };
-        let elements = solution.fields.iter().map(Field::leaves).sum();
-        let visibility = self.occluder.bytes() * (1 + means.occluders.len());
-        let others = [
-            ("packets", statistics.packet_bytes),
-            ("visibility", visibility as u64),
-            ("solution", solution.fields.iter().map(Field::bytes).sum::<usize>() as u64),
-        ];
-        let footprint = means.crew.footprint(&mut trees, others)?;
         let cost = attempt.work().cost().max(1) as f64;
         let share = |longest: u64| longest as f64 / cost;
         Ok(Outcome {

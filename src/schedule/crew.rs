@@ -24,6 +24,9 @@ use super::walks::Walked;
 /// trees that move are copied.
 const LOPSIDED: f64 = 1.1;
 
+/// As many items are dropped before a team is through with having been asked to.
+const FEW: usize = 1000;
+
 /// What no number of workers can be faster than, as costs ([`crate::transport::Work::cost`]); summed over batches.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Longest {
@@ -163,7 +166,7 @@ impl<'t> Crew<'t> {
     pub fn recording(surfaces: &[Surface]) -> Self {
         let order = along_the_curve(surfaces);
         let along = order.iter().map(|surface| *surface as u32).collect();
-        let recorder = Recorder::new(along, surfaces.iter().map(|surface| surface.area_m2).collect());
+        let recorder = Recorder::new(along);
         let own = Box::new((Scratch::default(), Arena::new(Backend::Malloc), recorder));
         let none = vec![0; surfaces.len()];
         Self {
@@ -193,6 +196,44 @@ impl<'t> Crew<'t> {
     ) -> Result<Vec<Tree<N>>, WorkerPanic> {
         let index: Vec<usize> = (0..surfaces.len()).collect();
         self.at_home(index, |i| *i, |i, arena| Tree::new(*i as u32, &surfaces[*i], basis, arena))
+    }
+
+    /// Takes from the trees all that they own, each at its home, after a last look at it; returns the looks in the trees' order.
+    pub fn fell<const N: usize, R: Send>(
+        &mut self,
+        trees: &mut [Tree<N>],
+        last: impl Fn(&Tree<N>) -> R + Sync,
+    ) -> Result<Vec<R>, WorkerPanic> {
+        let fell = |tree: &mut &mut Tree<N>, arena: &Arena| {
+            let look = last(tree);
+            tree.fell(arena);
+            look
+        };
+        self.at_home(trees.iter_mut().collect(), |tree| tree.patch.surface as usize, fell)
+    }
+
+    /// Drops items of which there is at most one for each surface, shared out among the workers: what is many pieces takes long to drop.
+    pub fn discard<T: Send>(&mut self, items: Vec<T>) -> Result<(), WorkerPanic> {
+        if items.len() > FEW {
+            let items = items.into_iter().map(Some).enumerate().collect();
+            self.at_home(items, |(index, _)| *index, |(_, item), _| drop(item.take()))?;
+        }
+        Ok(())
+    }
+
+    /// Whether it matters what trees are expected to cost.
+    pub fn plans(&self) -> bool {
+        !matches!(self.hands, Hands::Alone(_))
+    }
+
+    /// Takes note of what trees are expected to cost where nothing is known yet: their order follows from it, and their homes if they are
+    /// given next.
+    pub fn expect(&mut self, costs: Vec<u64>) {
+        if let Hands::Recording(own) = &mut self.hands {
+            own.2.expect(&costs);
+        }
+        self.work.clone_from(&costs);
+        self.costs = costs;
     }
 
     /// Gives every tree a home by the work since the last time, where that leaves nodes much less unequal, and moves trees to theirs.

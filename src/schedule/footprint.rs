@@ -43,12 +43,15 @@ impl Crew<'_> {
             |_| true,
             |tree| {
                 let mut pages = PageSet::default();
-                (tree.root.survey(&mut pages), pages.count().map_err(|error| error.to_string()))
+                let bytes = (tree.root.survey(&mut pages), tree.bytes() as u64);
+                (bytes, pages.count().map_err(|error| error.to_string()))
             },
         )?;
-        let mut element_bytes = ElementBytes::default();
-        surveys.iter().for_each(|(bytes, _)| element_bytes += *bytes);
-        let surfaces = trees.iter().map(|tree| tree.bytes() as u64).sum();
+        let (mut element_bytes, mut surfaces) = (ElementBytes::default(), 0);
+        for ((elements, surface), _) in &surveys {
+            element_bytes += *elements;
+            surfaces += surface;
+        }
         let own = [
             ("elements", element_bytes.elements),
             ("coefficients", element_bytes.coefficients),

@@ -10,7 +10,7 @@ use crate::transport::lamp::Lamp;
 use crate::transport::{Clusters, Packet, Rules, Work};
 use crate::visibility::Occluder;
 
-use super::batch::{Batch, Batches};
+use super::batch::{Batch, Batches, brightest};
 use super::copies::Copies;
 use super::crew::{Crew, Longest};
 use super::walks::Supply;
@@ -18,6 +18,10 @@ use super::watch::{Stage, Watch};
 
 /// Share of interreflection that sending a first solution's light takes, for the progress shown.
 pub(super) const REFLECTED_SHARE: f64 = 0.8;
+
+/// So many sources are looked at to tell receivers that will cost much from those that will not; what is expected counts in such parts.
+const LOOKED_AT: usize = 64;
+const COST_UNIT: f64 = 100.0;
 
 /// What a pass is to do.
 pub struct Pass<'a, const N: usize> {
@@ -29,6 +33,11 @@ pub struct Pass<'a, const N: usize> {
     pub(super) occluders: &'a Copies<Box<dyn Occluder + Send>>,
     /// Rules of the pair tasks.
     pub rules: &'a Rules,
+    /// Whether the trees hold a first solution: every surface sends what it reflects by it once, and from then on only what the new solution
+    /// differs from the old.
+    pub lit: bool,
+    /// Whether to stop after direct illumination.
+    pub direct_only: bool,
     /// Stop once this much power in W is left unshot.
     pub stop_w: f64,
     /// Detail of packets below this is averaged, in W/m².
@@ -77,13 +86,17 @@ impl<const N: usize> Pass<'_, N> {
         let mut statistics = PassStatistics::default();
         let start = Instant::now();
         watch.stage(Stage::Direct);
-        crew.settle(trees)?;
-        let reflected = self.restart(trees, crew)?;
         let emitters: Vec<Packet<N>> = trees
             .iter()
             .filter(|tree| tree.exitance_w_m2.iter().any(|m| *m > 0.0))
             .map(Tree::exitance_packet)
             .collect();
+        if !self.lit && crew.plans() {
+            let expected = crew.map(trees, |_| true, |tree| self.expected_cost(tree, &emitters))?;
+            crew.expect(expected);
+        }
+        crew.settle(trees)?;
+        let reflected = self.begin(trees, crew)?;
         self.shoot_known(self.lamps, &emitters, 1.0, trees, crew, watch, &mut statistics)?;
         statistics.direct = take_work(trees);
         statistics.first_reflection_w = unshot_w(trees);
@@ -96,7 +109,7 @@ impl<const N: usize> Pass<'_, N> {
     pub(super) fn reflect(
         &self,
         trees: &mut [Tree<N>],
-        reflected: &[Packet<N>],
+        reflected: Vec<Packet<N>>,
         crew: &mut Crew<'_>,
         watch: &Watch,
         statistics: &mut PassStatistics,
@@ -108,12 +121,13 @@ impl<const N: usize> Pass<'_, N> {
             tree.indirect_w = [0.0; N];
         }
         if !reflected.is_empty() {
-            for packet in reflected {
+            for packet in &reflected {
                 for n in 0..N {
                     shot_w[n] += packet.nodes[0].coefficients[0][n] * trees[packet.surface as usize].area_m2;
                 }
             }
-            self.shoot_known(&[], reflected, REFLECTED_SHARE, trees, crew, watch, statistics)?;
+            self.shoot_known(&[], &reflected, REFLECTED_SHARE, trees, crew, watch, statistics)?;
+            crew.discard(reflected)?;
             crew.map(trees, |_| true, Tree::measure_unshot)?;
         }
         statistics.interreflection_s += start.elapsed().as_secs_f64();
@@ -143,19 +157,35 @@ impl<const N: usize> Pass<'_, N> {
         statistics.interrupted = watch.stopped();
     }
 
+    /// What a tree may cost in direct illumination, beside the others. Of many sources some stand for all.
+    fn expected_cost(&self, tree: &Tree<N>, emitters: &[Packet<N>]) -> u64 {
+        let every = (self.lamps.len() + emitters.len()).div_ceil(LOOKED_AT).max(1);
+        let area_m2 = tree.area_m2;
+        let of_lamps = self.lamps.iter().step_by(every);
+        let of_lamps = of_lamps.map(|lamp| tree.patch.expected_cost(lamp, area_m2, self.rules));
+        let of_surfaces = emitters.iter().step_by(every);
+        let of_surfaces = of_surfaces.map(|packet| tree.patch.expected_cost(packet, area_m2, self.rules));
+        (COST_UNIT * of_lamps.chain(of_surfaces).sum::<f64>()) as u64
+    }
+
+    /// Makes the trees dark, and what they reflect packets if it is to be sent on.
+    fn begin(&self, trees: &mut [Tree<N>], crew: &mut Crew<'_>) -> Result<Vec<Packet<N>>, WorkerPanic> {
+        if self.lit && !self.direct_only {
+            return self.restart(trees, crew);
+        }
+        if self.lit {
+            crew.map(trees, |_| true, Tree::darken)?;
+        }
+        Ok(Vec::new())
+    }
+
     /// Takes the light that the trees reflect into packets, the brightest first. Surfaces that reflect least, together half of what may be
     /// left unshot, send nothing yet.
     fn restart(&self, trees: &mut [Tree<N>], crew: &mut Crew<'_>) -> Result<Vec<Packet<N>>, WorkerPanic> {
         crew.map(trees, |_| true, Tree::unshoot)?;
-        let mut order: Vec<usize> = (0..trees.len()).collect();
-        order.sort_by(|a, b| trees[*b].unshot_w.total_cmp(&trees[*a].unshot_w).then(a.cmp(b)));
-        let mut left = unshot_w(trees);
         let mut rank = vec![None; trees.len()];
-        for (place, index) in order.into_iter().enumerate() {
-            if left > 0.5 * self.stop_w {
-                left -= trees[index].unshot_w;
-                rank[index] = Some(place);
-            }
+        for (place, index) in brightest(trees, 0.5 * self.stop_w).into_iter().enumerate() {
+            rank[index] = Some(place);
         }
         let rank = |surface: u32| rank[surface as usize];
         let restart = |tree: &mut Tree<N>| match rank(tree.patch.surface) {
@@ -196,14 +226,15 @@ impl<const N: usize> Pass<'_, N> {
             }
             progress(left);
             let shooters = self.batches.choose(trees, self.stop_w);
-            for shooter in &shooters {
-                let power_w = trees[*shooter].unshot_by_band_w();
+            let shoots = |tree: &Tree<N>| shooters.binary_search(&(tree.patch.surface as usize)).is_ok();
+            let taken =
+                crew.map(trees, shoots, |tree| (tree.unshot_by_band_w(), tree.take_packet(self.prune_w_m2)))?;
+            let (powers_w, packets): (Vec<[f64; N]>, Vec<Packet<N>>) = taken.into_iter().unzip();
+            for power_w in powers_w {
                 for n in 0..N {
                     shot_w[n] += power_w[n];
                 }
             }
-            let shoots = |tree: &Tree<N>| shooters.binary_search(&(tree.patch.surface as usize)).is_ok();
-            let packets = crew.map(trees, shoots, |tree| tree.take_packet(self.prune_w_m2))?;
             self.shoot(
                 &Batch { lamps: &[], packets: &packets, clusters: None },
                 trees,
@@ -211,6 +242,7 @@ impl<const N: usize> Pass<'_, N> {
                 watch,
                 statistics,
             )?;
+            crew.discard(packets)?;
         }
     }
 

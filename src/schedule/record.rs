@@ -20,8 +20,6 @@ const LEAST_TASK: u64 = 32;
 pub struct Record {
     /// Receivers along the space-filling curve that home nodes are stretches of.
     pub along_curve: Vec<u32>,
-    /// Area of every receiver: the work expected before any is known is in proportion.
-    pub areas_m2: Vec<f64>,
     /// What was done, in order.
     pub steps: Vec<Step>,
 }
@@ -31,6 +29,8 @@ pub struct Record {
 pub enum Step {
     /// Work that one thread does while the others wait: seconds.
     Alone(f64),
+    /// What each receiver is expected to cost, in proportion, as nothing is known yet.
+    Expect(Vec<u64>),
     /// A pass begins: receivers get home nodes anew.
     Settle,
     /// The same small thing done to many receivers, each by itself.
@@ -115,7 +115,7 @@ impl Record {
     pub fn seconds(&self) -> f64 {
         let seconds = |step: &Step| match step {
             Step::Alone(seconds) => *seconds,
-            Step::Settle => 0.0,
+            Step::Expect(_) | Step::Settle => 0.0,
             Step::Map(map) => map.seconds,
             Step::Batch(batch) => batch.seconds(),
         };
@@ -142,6 +142,7 @@ impl Record {
             match (mine, theirs) {
                 (Step::Alone(mine), Step::Alone(theirs)) => *mine = mine.min(*theirs),
                 (Step::Settle, Step::Settle) => {}
+                (Step::Expect(mine), Step::Expect(theirs)) if mine == theirs => {}
                 (Step::Map(mine), Step::Map(theirs)) if mine.items == theirs.items => {
                     mine.seconds = mine.seconds.min(theirs.seconds);
                     mine.longest_s = mine.longest_s.min(theirs.longest_s);
@@ -176,7 +177,7 @@ impl Record {
         for step in &mut self.steps {
             match step {
                 Step::Alone(seconds) => *seconds *= factor,
-                Step::Settle => {}
+                Step::Expect(_) | Step::Settle => {}
                 Step::Map(map) => {
                     map.seconds *= factor;
                     map.longest_s *= factor;
@@ -215,9 +216,9 @@ pub(super) struct Recorder {
 }
 
 impl Recorder {
-    /// Begins now; fields as in [`Record`].
-    pub fn new(along_curve: Vec<u32>, areas_m2: Vec<f64>) -> Self {
-        Self { record: Record { along_curve, areas_m2, steps: Vec::new() }, since: Instant::now() }
+    /// Begins now; the field as in [`Record`].
+    pub fn new(along_curve: Vec<u32>) -> Self {
+        Self { record: Record { along_curve, steps: Vec::new() }, since: Instant::now() }
     }
 
     /// The record; what came after the last step was done alone.
@@ -231,6 +232,11 @@ impl Recorder {
         let now = Instant::now();
         self.record.steps.push(Step::Alone((now - self.since).as_secs_f64()));
         self.since = now;
+    }
+
+    /// Receivers are expected to cost this.
+    pub fn expect(&mut self, costs: &[u64]) {
+        self.record.steps.push(Step::Expect(costs.to_vec()));
     }
 
     /// A pass begins.
@@ -296,7 +302,7 @@ mod tests {
 
     fn recorded(costs: &[u64]) -> Record {
         let arena = Arena::new(ccnuma::arena::Backend::Malloc);
-        let mut recorder = Recorder::new((0..costs.len() as u32).collect(), vec![1.0; costs.len()]);
+        let mut recorder = Recorder::new((0..costs.len() as u32).collect());
         recorder.settle();
         recorder.batch(&arena, costs.iter(), |cost, _| (*cost, cost / 2));
         assert_eq!(recorder.map(costs.iter(), |cost| cost + 1).len(), costs.len());

@@ -202,8 +202,9 @@ fn divide(nodes: &mut Vec<Cluster>, members: &mut [Member], range: Range<usize>)
     let key = |member: &Member| {
         if by_normal { member.normal[axis] } else { member.low[axis] + member.high[axis] }
     };
-    held.sort_by(|a, b| key(a).total_cmp(&key(b)).then(a.index.cmp(&b.index)));
-    let half = range.start + held.len() / 2;
+    let half = held.len() / 2;
+    held.select_nth_unstable_by(half, |a, b| key(a).total_cmp(&key(b)).then(a.index.cmp(&b.index)));
+    let half = range.start + half;
     divide(nodes, members, range.start..half);
     nodes[node].second = Some(nodes.len());
     divide(nodes, members, half..range.end);

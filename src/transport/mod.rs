@@ -8,6 +8,7 @@
 
 pub mod candidates;
 mod cluster;
+mod expected;
 pub mod gather;
 pub mod kernel;
 pub mod lambert;

@@ -184,7 +184,7 @@ impl Team {
         &self.seats
     }
 
-    /// The other workers in the order in which `worker` looks for work: nearest first, equals by index.
+    /// The other workers in the order in which `worker` looks for work: nearest first; equals of a node by index.
     pub fn steal_order(&self, worker: usize) -> &[usize] {
         &self.shared.wake_order[worker].workers
     }

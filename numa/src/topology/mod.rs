@@ -166,10 +166,15 @@ impl Machine {
         self.cpus.iter().filter(|cpu| cpu.allowed && cpu.smt == 0).count()
     }
 
-    /// Node positions from nearest to farthest as seen from `node`, itself first.
+    /// Node positions from nearest to farthest as seen from `node`, itself first. Equals follow by how far their numbers lie apart, round
+    /// the machine: each node begins with others, and those whose data lie side by side begin with each other.
     pub fn nodes_by_distance(&self, node: usize) -> Vec<usize> {
-        let mut order: Vec<usize> = (0..self.nodes.len()).collect();
-        order.sort_by_key(|&other| (other != node, self.distances[node][other], other));
+        let count = self.nodes.len();
+        let mut order: Vec<usize> = (0..count).collect();
+        order.sort_by_key(|&other| {
+            let after = (other + count - node) % count;
+            (other != node, self.distances[node][other], after.min(count - after), after)
+        });
         order
     }
 

@@ -33,7 +33,7 @@ pub fn bound(record: &Record) -> Bound {
     for step in &record.steps {
         match step {
             Step::Alone(seconds) => bound.alone_s += seconds,
-            Step::Settle => {}
+            Step::Expect(_) | Step::Settle => {}
             Step::Map(map) => bound.loops_s += map.longest_s,
             Step::Batch(batch) => {
                 bound.tasks_s += longest(batch, |task| f64::from(task.seconds));

@@ -90,6 +90,7 @@ pub fn replay(record: &Record, site: &Site, model: Model) -> Replayed {
             for step in &record.steps {
                 match step {
                     Step::Alone(seconds) => replay.alone(*seconds),
+                    Step::Expect(costs) => replay.expect(costs),
                     Step::Settle => replay.settle(),
                     Step::Map(map) => replay.map(map),
                     Step::Batch(batch) => replay.batch(batch, model),
@@ -127,22 +128,25 @@ fn nanos(seconds: f64) -> Nanos {
 
 impl<'a> Replay<'a> {
     fn new(record: &'a Record, site: &'a Site) -> Self {
-        let total: f64 = record.areas_m2.iter().sum();
-        let by_area = |area: &f64| (1e6 * area / total.max(f64::MIN_POSITIVE)) as u64;
-        let work: Vec<u64> = record.areas_m2.iter().map(by_area).collect();
+        let none = vec![0; record.along_curve.len()];
         Self {
             record,
             site,
             along: record.along_curve.iter().map(|receiver| *receiver as usize).collect(),
-            homes: vec![0; work.len()],
-            costs: work.clone(),
-            work,
+            homes: vec![0; none.len()],
+            costs: none.clone(),
+            work: none,
             account: Account::default(),
             now: 0,
             in_batches: 0,
             in_loops: 0,
             batches: 0,
         }
+    }
+
+    fn expect(&mut self, costs: &[u64]) {
+        self.costs.copy_from_slice(costs);
+        self.work.copy_from_slice(costs);
     }
 
     fn settle(&mut self) {
@@ -234,6 +238,7 @@ impl<'a> Replay<'a> {
                     group.push(shot);
                     self.learn(batch);
                 }
+                Step::Expect(costs) => self.expect(costs),
                 Step::Settle | Step::Map(_) => {
                     chosen = false;
                     self.end_group(&mut group, by_worker, rule);

@@ -29,10 +29,10 @@ fn batch(seconds: &[f64]) -> Step {
 }
 
 fn record(receivers: usize, steps: Vec<Step>) -> Record {
-    let mut all = vec![Step::Settle];
+    let mut all = vec![Step::Expect(vec![1; receivers]), Step::Settle];
     all.extend(steps);
     let along_curve = (0..receivers as u32).collect();
-    Record { along_curve, areas_m2: vec![1.0; receivers], steps: all }
+    Record { along_curve, steps: all }
 }
 
 /// To choose a shooter and take its light.
