@@ -30,7 +30,7 @@ mod tests {
     use crate::math::Basis;
     use crate::radiosity::{Tree, trees};
     use crate::scene::{read::inventor, surfaces};
-    use crate::transport::{Oracle, SampleRule};
+    use crate::transport::{Oracle, SampleRules};
 
     #[test]
     fn what_is_near_and_faces_the_source_costs_most() {
@@ -59,7 +59,7 @@ mod tests {
             reference_w_m2: 1.0,
             least_reflectance: 0.5,
             point_w_m2: f64::INFINITY,
-            samples: SampleRule::new(Basis::M2),
+            samples: SampleRules::new(Basis::M2),
         };
         let cost =
             |tree: usize, tau| trees[tree].patch.expected_cost(&packet, trees[tree].area_m2, &rules(tau));
