@@ -2,6 +2,7 @@
 
 pub mod ambient;
 pub mod element;
+pub mod emission;
 pub mod lure;
 pub mod probe;
 pub mod solution;
@@ -9,6 +10,7 @@ pub mod state;
 
 pub use ambient::add_ambient;
 pub use element::{Element, ElementBytes};
+pub use emission::field_packet;
 pub use lure::{Form, Lure};
 pub use solution::{Field, Leaf, Node, Solution};
 pub use state::{Tree, extent_m, trees};

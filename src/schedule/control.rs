@@ -9,10 +9,10 @@ use ccnuma::arena::Memory;
 use ccnuma::{Team, WorkerPanic};
 
 use crate::math::Basis;
-use crate::radiosity::{Field, Solution, Tree, extent_m};
+use crate::radiosity::{Field, Solution, Tree, extent_m, field_packet};
 use crate::scene::{Light, Scene, Surface};
 use crate::transport::lamp::Lamp;
-use crate::transport::{Oracle, Rules, SampleRule, Work};
+use crate::transport::{Oracle, Packet, Rules, SampleRule, Source, Work};
 use crate::visibility::Occluder;
 
 use super::batch::Batches;
@@ -115,8 +115,26 @@ pub fn solve_by(
         let mut crew = Crew::new(schedule.team, schedule.memory, surfaces)?;
         let occluders = crew.copy(occluder.bytes(), || occluder.replica())?;
         let means = Means { batches: schedule.batches, crew: &mut crew, occluders, watch };
-        solve_in_bands(scene, surfaces, occluder, options, means)
+        solve_in_bands(scene, surfaces, None, occluder, options, means)
     })
+}
+
+/// As [`solve`], where the exitance varies over surfaces: a field for each of them, in W/m², stands for what its material emits, and may be
+/// negative. The fields of the solution are the irradiance as ever; its radiosity knows nothing of these.
+pub fn solve_emitting(
+    scene: &Scene,
+    surfaces: &[Surface],
+    exitance: &[Field],
+    occluder: &dyn Occluder,
+    options: &Options,
+    observer: &mut dyn Observer,
+) -> Outcome {
+    let solved = observed(observer, |watch| {
+        let mut crew = Crew::new(None, Memory::default(), surfaces)?;
+        let means = Means { batches: Batches::default(), crew: &mut crew, occluders: Copies::none(), watch };
+        solve_in_bands(scene, surfaces, Some(exitance), occluder, options, means)
+    });
+    solved.unwrap_or_else(|panic: WorkerPanic| unreachable!("there is no team, and yet {panic}"))
 }
 
 /// As [`solve`], with a record of what was done.
@@ -131,7 +149,7 @@ pub fn solve_recorded(
     let solved = observed(observer, |watch| {
         let mut crew = Crew::recording(surfaces);
         let means = Means { batches, crew: &mut crew, occluders: Copies::none(), watch };
-        let outcome = solve_in_bands(scene, surfaces, occluder, options, means)?;
+        let outcome = solve_in_bands(scene, surfaces, None, occluder, options, means)?;
         Ok((outcome, crew.into_record().unwrap_or_default()))
     });
     solved.unwrap_or_else(|panic: WorkerPanic| unreachable!("there is no team, and yet {panic}"))
@@ -140,14 +158,15 @@ pub fn solve_recorded(
 fn solve_in_bands(
     scene: &Scene,
     surfaces: &[Surface],
+    exitance: Option<&[Field]>,
     occluder: &dyn Occluder,
     options: &Options,
     means: Means<'_, '_, '_>,
 ) -> Result<Outcome, WorkerPanic> {
     match scene.bands.len() {
-        1 => Run::<1>::new(scene, surfaces, occluder, options).solve(means),
-        2 => Run::<2>::new(scene, surfaces, occluder, options).solve(means),
-        _ => Run::<3>::new(scene, surfaces, occluder, options).solve(means),
+        1 => Run::<1>::new(scene, surfaces, exitance, occluder, options).solve(means),
+        2 => Run::<2>::new(scene, surfaces, exitance, occluder, options).solve(means),
+        _ => Run::<3>::new(scene, surfaces, exitance, occluder, options).solve(means),
     }
 }
 
@@ -157,6 +176,8 @@ struct Run<'a, const N: usize> {
     occluder: &'a dyn Occluder,
     options: &'a Options,
     lamps: Vec<Lamp<N>>,
+    /// What surfaces emit.
+    emitters: Vec<Packet<N>>,
     area_m2: f64,
     /// Area-weighted mean over surfaces of the largest reflectance over bands.
     mean_reflectance: f64,
@@ -186,6 +207,7 @@ impl<'a, const N: usize> Run<'a, N> {
     fn new(
         scene: &'a Scene,
         surfaces: &'a [Surface],
+        exitance: Option<&[Field]>,
         occluder: &'a dyn Occluder,
         options: &'a Options,
     ) -> Self {
@@ -196,12 +218,25 @@ impl<'a, const N: usize> Run<'a, N> {
         let mean: f64 = surfaces.iter().map(|s| s.area_m2 * brightest(s)).sum::<f64>() / area_m2;
         let extent = extent_m(scene);
         let lamps = scene.lights.iter().map(|light| Lamp::new(light, extent)).collect();
+        let emits = |s: &Surface| s.exitance_w_m2.iter().any(|m| *m > 0.0);
+        let even = |s: &Surface| Field::even(&s.exitance_w_m2);
+        let packet = |i: usize, field: &Field| field_packet(i, &surfaces[i], field, |_, _, m| m);
+        let emitters = match exitance {
+            Some(fields) => fields.iter().enumerate().map(|(i, field)| packet(i, field)).collect(),
+            None => surfaces
+                .iter()
+                .enumerate()
+                .filter(|(_, s)| emits(s))
+                .map(|(i, s)| packet(i, &even(s)))
+                .collect(),
+        };
         Self {
             scene,
             surfaces,
             occluder,
             options,
             lamps,
+            emitters,
             area_m2,
             mean_reflectance: mean,
             gain: rho / (1.0 - rho),
@@ -263,8 +298,8 @@ impl<'a, const N: usize> Run<'a, N> {
 
     /// An order of magnitude of the norm of reflected radiosity, in W/m: an integrating sphere with the scene's area and power.
     fn guess_norm(&self) -> f64 {
-        let emitted: f64 =
-            self.surfaces.iter().map(|s| s.area_m2 * square_sum(&s.exitance_w_m2).sqrt()).sum();
+        let area_m2 = |packet: &Packet<N>| self.surfaces[packet.surface as usize].area_m2;
+        let emitted: f64 = self.emitters.iter().map(|p| area_m2(p) * p.strength()).sum();
         let lamps: f64 = self
             .scene
             .lights
@@ -309,6 +344,7 @@ impl<'a, const N: usize> Run<'a, N> {
         };
         let pass = Pass {
             lamps: &self.lamps,
+            emitters: &self.emitters,
             occluder: self.occluder,
             occluders: &means.occluders,
             rules: &rules,

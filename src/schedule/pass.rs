@@ -23,6 +23,8 @@ const REFLECTED_SHARE: f64 = 0.8;
 pub struct Pass<'a, const N: usize> {
     /// Lights without area.
     pub lamps: &'a [Lamp<N>],
+    /// What surfaces emit.
+    pub emitters: &'a [Packet<N>],
     /// What may stand between.
     pub occluder: &'a dyn Occluder,
     /// Copies of it near the workers.
@@ -82,12 +84,7 @@ impl<const N: usize> Pass<'_, N> {
         watch.stage(Stage::Direct);
         crew.settle(trees)?;
         let reflected = self.restart(trees, crew)?;
-        let emitters: Vec<Packet<N>> = trees
-            .iter()
-            .filter(|tree| tree.exitance_w_m2.iter().any(|m| *m > 0.0))
-            .map(Tree::exitance_packet)
-            .collect();
-        self.shoot_known(self.lamps, &emitters, 1.0, trees, crew, watch, &mut statistics)?;
+        self.shoot_known(self.lamps, self.emitters, 1.0, trees, crew, watch, &mut statistics)?;
         statistics.direct = take_work(trees);
         statistics.first_reflection_w = unshot_w(trees);
         statistics.direct_s = start.elapsed().as_secs_f64();
