@@ -32,9 +32,11 @@ const UNSHOT_SHARE: f64 = 0.2;
 const POINT_LIMIT: f64 = 0.003;
 /// Light that is still to come does not spread evenly: RMS over mean.
 const SPREAD: f64 = 1.5;
-/// The root of the sum of squared link errors, times this, is the error of the solution in dark scenes; the second number is how it grows
-/// with the gain `ρ/(1 − ρ)`, since link errors are reflected on (calibrated on the reference scenes and furnaces).
-const LINK_CALIBRATION: (f64, f64) = (1.4, 0.4);
+/// The root of the sum of squared link errors, times this, is the error of the solution in dark scenes (calibrated on the reference scenes).
+const LINK_CALIBRATION: f64 = 1.4;
+/// Link errors are reflected on. Those of all signs grow with the root of the gain `ρ/(1 − ρ)`, their small mean with the gain itself
+/// (calibrated on furnaces and manufactured solutions at ρ 0.5 to 0.999).
+const REFLECTED: (f64, f64) = (0.4, 0.13);
 /// Below one percent, errors that no sample shows (contacts, thin shadows) fall slower than those of links: the calibration grows with this
 /// power of the target under 0.01.
 const UNSEEN_GROWTH: f64 = 0.25;
@@ -252,7 +254,7 @@ impl<'a, const N: usize> Run<'a, N> {
         let mut threshold = pilot_error * guess / (32.0 * (self.surfaces.len().max(1) as f64).powf(0.25));
         watch.pass(0);
         let mut trees = means.crew.grow::<N>(self.surfaces, self.options.basis)?;
-        let mut attempt = self.attempt(&mut trees, threshold, pilot_error * guess, &mut means)?;
+        let mut attempt = self.attempt(&mut trees, threshold, (pilot_error, guess), &mut means)?;
         let mut packet_bytes = attempt.statistics.packet_bytes;
         let mut finished = None;
         work += attempt.work();
@@ -265,6 +267,7 @@ impl<'a, const N: usize> Run<'a, N> {
             {
                 break;
             }
+            threshold *= attempt.statistics.growth;
             if links > 0.0 {
                 // Link errors grow with a power of the threshold that depends on the order (measured).
                 let growth = match self.options.basis {
@@ -272,12 +275,14 @@ impl<'a, const N: usize> Run<'a, N> {
                     Basis::M2 => 0.6,
                     Basis::M3 => 0.65,
                 };
-                threshold *= (allowed / links).min(1.0).powf(1.0 / growth).max(1e-4);
+                // Errors of a pass that guessed far too low a norm are those of coarse links made many times brighter.
+                let least = if attempt.statistics.growth > 1.0 { 0.1 } else { 1e-4 };
+                threshold *= (allowed / links).min(1.0).powf(1.0 / growth).max(least);
             }
             watch.pass(passes);
             let fields = means.crew.map(&mut trees, |_| true, |tree| tree.field())?;
             let last = attempt;
-            attempt = self.attempt(&mut trees, threshold, target * attempt.norm, &mut means)?;
+            attempt = self.attempt(&mut trees, threshold, (target, attempt.norm), &mut means)?;
             work += attempt.work();
             packet_bytes = packet_bytes.max(attempt.statistics.packet_bytes);
             if attempt.statistics.interrupted {
@@ -326,10 +331,10 @@ impl<'a, const N: usize> Run<'a, N> {
         &self,
         trees: &mut [Tree<N>],
         threshold_w_m: f64,
-        allowed_w_m: f64,
+        (error, norm_w_m): (f64, f64),
         means: &mut Means<'_, '_, '_>,
     ) -> Result<Attempt, WorkerPanic> {
-        let root_area = self.area_m2.sqrt();
+        let (root_area, allowed_w_m) = (self.area_m2.sqrt(), error * norm_w_m);
         let rules = Rules {
             oracle: self.options.oracle,
             threshold_w_m,
@@ -349,6 +354,8 @@ impl<'a, const N: usize> Run<'a, N> {
             occluders: &means.occluders,
             rules: &rules,
             direct_only: self.options.direct_only,
+            norm_w_m,
+            gain: self.gain,
             stop_w: UNSHOT_SHARE * allowed_w_m * root_area / (SPREAD * self.gain.max(1e-9)),
             prune_w_m2: 0.02 * allowed_w_m / root_area,
             batches: means.batches,
@@ -356,7 +363,8 @@ impl<'a, const N: usize> Run<'a, N> {
         let statistics = pass.run(trees, means.crew, means.watch)?;
         let squares = means.crew.map(trees, |_| true, |tree| tree.reflected_norm_squared())?;
         let unseen = (0.01 / self.options.error).max(1.0).powf(UNSEEN_GROWTH);
-        let calibration = LINK_CALIBRATION.0 * (LINK_CALIBRATION.1 * self.gain).hypot(1.0) * unseen;
+        let reflected = (REFLECTED.0 * self.gain.sqrt()).hypot(REFLECTED.1 * self.gain);
+        let calibration = LINK_CALIBRATION * reflected.hypot(1.0) * unseen;
         let unshot = if self.options.direct_only { 0.0 } else { statistics.unshot_w };
         Ok(Attempt {
             statistics,

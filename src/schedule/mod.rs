@@ -17,6 +17,7 @@ mod copies;
 mod crew;
 mod footprint;
 pub mod homes;
+mod mixing;
 mod parts;
 pub mod pass;
 pub mod record;

@@ -13,13 +13,18 @@ use crate::visibility::Occluder;
 use super::batch::{Batch, Batches};
 use super::copies::Copies;
 use super::crew::{Crew, Longest};
+use super::mixing::{LEAST_GAIN, Look, Mixer, shooters};
 use super::walks::Supply;
 use super::watch::{Stage, Watch};
 
 /// Share of interreflection that sending a first solution's light takes, for the progress shown.
 const REFLECTED_SHARE: f64 = 0.8;
 
+/// A norm is far too low a guess from this factor on.
+const FAR_TOO_LOW: f64 = 2.0;
+
 /// What a pass is to do.
+#[derive(Clone, Copy)]
 pub struct Pass<'a, const N: usize> {
     /// Lights without area.
     pub lamps: &'a [Lamp<N>],
@@ -33,6 +38,10 @@ pub struct Pass<'a, const N: usize> {
     pub rules: &'a Rules,
     /// Whether to stop after direct illumination.
     pub direct_only: bool,
+    /// The norm of reflected radiosity in W/m that rules, `stop_w` and `prune_w_m2` go by; far too low a guess is put right on the way.
+    pub norm_w_m: f64,
+    /// `ρ/(1 − ρ)` of the scene.
+    pub gain: f64,
     /// Stop once this much power in W is left unshot.
     pub stop_w: f64,
     /// Detail of packets below this is averaged, in W/m².
@@ -66,6 +75,8 @@ pub struct PassStatistics {
     pub unshot_w: f64,
     /// Power sent by the lights in W that arrived, reflected once.
     pub first_reflection_w: f64,
+    /// How many times the norm is larger than what the pass was told, if that was far too low; else 1.
+    pub growth: f64,
     /// Whether the pass was interrupted.
     pub interrupted: bool,
 }
@@ -79,7 +90,7 @@ impl<const N: usize> Pass<'_, N> {
         crew: &mut Crew<'_>,
         watch: &Watch,
     ) -> Result<PassStatistics, WorkerPanic> {
-        let mut statistics = PassStatistics::default();
+        let mut statistics = PassStatistics { growth: 1.0, ..PassStatistics::default() };
         let start = Instant::now();
         watch.stage(Stage::Direct);
         crew.settle(trees)?;
@@ -90,6 +101,9 @@ impl<const N: usize> Pass<'_, N> {
         statistics.direct_s = start.elapsed().as_secs_f64();
         let start = Instant::now();
         if !self.direct_only {
+            if self.mixes() {
+                crew.map(trees, |_| true, Tree::keep_direct)?;
+            }
             self.interreflect(trees, &reflected, crew, watch, &mut statistics)?;
         }
         statistics.interreflection = take_work(trees);
@@ -162,14 +176,47 @@ impl<const N: usize> Pass<'_, N> {
             add_ambient(trees, &sent_w);
             return Ok(());
         }
+        self.iterate(&mut shot_w, &progress, trees, crew, watch, statistics)?;
+        add_ambient(trees, &shot_w);
+        crew.map(trees, |_| true, Tree::forget_direct)?;
+        Ok(())
+    }
+
+    /// Has surfaces shoot until little is left.
+    fn iterate(
+        &self,
+        shot_w: &mut [f64; N],
+        progress: &dyn Fn(f64),
+        trees: &mut [Tree<N>],
+        crew: &mut Crew<'_>,
+        watch: &Watch,
+        statistics: &mut PassStatistics,
+    ) -> Result<(), WorkerPanic> {
+        let mut mixer = self.mixes().then(|| Mixer::new(self.gain));
         loop {
             let left = unshot_w(trees);
             if left <= self.stop_w || watch.stopped() {
-                add_ambient(trees, &shot_w);
                 return Ok(());
             }
             progress(left);
-            let shooters = self.batches.choose(trees, self.stop_w);
+            let shooters = match &mut mixer {
+                None => self.batches.choose(trees, self.stop_w),
+                Some(mixer) => match mixer.look(trees, shot_w, crew)? {
+                    Look::Fine => shooters(trees, self.stop_w),
+                    Look::Stuck => return Ok(()),
+                    Look::Mixed => {
+                        let squares = crew.map(trees, |_| true, |tree| tree.reflected_norm_squared())?;
+                        let growth = squares.iter().sum::<f64>().sqrt() / self.norm_w_m;
+                        if growth <= FAR_TOO_LOW {
+                            continue;
+                        }
+                        statistics.growth *= growth;
+                        let rules = self.rules.brighter(growth);
+                        let brighter = self.brighter(growth, &rules);
+                        return brighter.iterate(shot_w, progress, trees, crew, watch, statistics);
+                    }
+                },
+            };
             for shooter in &shooters {
                 let power_w = trees[*shooter].unshot_by_band_w();
                 for n in 0..N {
@@ -186,6 +233,17 @@ impl<const N: usize> Pass<'_, N> {
                 statistics,
             )?;
         }
+    }
+
+    /// Whether states are mixed. The paper's schedules do without.
+    fn mixes(&self) -> bool {
+        self.gain >= LEAST_GAIN && self.batches == Batches::Fitted
+    }
+
+    /// The same pass where all is so many times brighter.
+    fn brighter<'b>(&'b self, times: f64, rules: &'b Rules) -> Pass<'b, N> {
+        let (norm_w_m, stop_w) = (times * self.norm_w_m, times * self.stop_w);
+        Pass { rules, norm_w_m, stop_w, prune_w_m2: times * self.prune_w_m2, ..*self }
     }
 
     /// Shoots sources that are all known at the start of a stage; they take it to this share.

@@ -54,6 +54,14 @@ pub struct Rules {
     pub samples: SampleRule,
 }
 
+impl Rules {
+    /// The same rules where all light is so many times brighter.
+    pub fn brighter(&self, times: f64) -> Self {
+        let (threshold_w_m, point_w_m2) = (times * self.threshold_w_m, times * self.point_w_m2);
+        Self { threshold_w_m, point_w_m2, reference_w_m2: times * self.reference_w_m2, ..self.clone() }
+    }
+}
+
 /// Working memory and counts of one worker.
 #[derive(Clone, Debug, Default)]
 pub struct Scratch {
