@@ -269,15 +269,15 @@ impl<'a, const N: usize> Run<'a, N> {
             }
             threshold *= attempt.statistics.growth;
             if links > 0.0 {
-                // Link errors grow with a power of the threshold that depends on the order (measured).
+                // Link errors grow with a power of the threshold that depends on the order (measured). Those of a pilot that mixed states
+                // are those of coarse links made many times brighter, and fall faster.
                 let growth = match self.options.basis {
+                    _ if passes == 1 && attempt.statistics.mixed => 1.0,
                     Basis::Haar => 0.5,
                     Basis::M2 => 0.6,
                     Basis::M3 => 0.65,
                 };
-                // Errors of a pass that guessed far too low a norm are those of coarse links made many times brighter.
-                let least = if attempt.statistics.growth > 1.0 { 0.1 } else { 1e-4 };
-                threshold *= (allowed / links).min(1.0).powf(1.0 / growth).max(least);
+                threshold *= (allowed / links).min(1.0).powf(1.0 / growth).max(1e-4);
             }
             watch.pass(passes);
             let fields = means.crew.map(&mut trees, |_| true, |tree| tree.field())?;

@@ -77,6 +77,8 @@ pub struct PassStatistics {
     pub first_reflection_w: f64,
     /// How many times the norm is larger than what the pass was told, if that was far too low; else 1.
     pub growth: f64,
+    /// Whether states were mixed.
+    pub mixed: bool,
     /// Whether the pass was interrupted.
     pub interrupted: bool,
 }
@@ -205,6 +207,7 @@ impl<const N: usize> Pass<'_, N> {
                     Look::Fine => shooters(trees, self.stop_w),
                     Look::Stuck => return Ok(()),
                     Look::Mixed => {
+                        statistics.mixed = true;
                         let squares = crew.map(trees, |_| true, |tree| tree.reflected_norm_squared())?;
                         let growth = squares.iter().sum::<f64>().sqrt() / self.norm_w_m;
                         if growth <= FAR_TOO_LOW {
