@@ -1,6 +1,8 @@
 //! Whole solves against exact answers (numerics §8), each tolerance swept.
 
 use std::path::Path;
+use std::sync::atomic::AtomicUsize;
+use std::sync::atomic::Ordering::Relaxed;
 
 use ccnuma::Arena;
 use ccnuma::arena::Backend;
@@ -10,7 +12,7 @@ use wavelet_radiosity::radiosity::probe::{Probe, read_probes};
 use wavelet_radiosity::radiosity::trees;
 use wavelet_radiosity::scene::{self, Light, Scene};
 use wavelet_radiosity::schedule::{Options, Outcome, Silent, solve};
-use wavelet_radiosity::transport::{Alone, Oracle, Rules, SampleRules, Scratch, shoot};
+use wavelet_radiosity::transport::{Alone, Oracle, Rules, SampleRules, Scratch, shoot, shoot_while};
 use wavelet_radiosity::visibility::{Bvh, Occluder, OpaqueFaces};
 
 const BASES: [Basis; 3] = [Basis::Haar, Basis::M2, Basis::M3];
@@ -259,6 +261,41 @@ fn a_shared_edge_needs_few_elements_per_decade() {
         assert!(outcome.elements <= 300 + 8 * before, "{} after {before}", outcome.elements);
         before = outcome.elements;
     }
+}
+
+/// A pair that would take long is left within an element of being told to, and what it brought by then stays as it is.
+#[test]
+fn a_pair_ends_in_the_middle_when_told_to() {
+    let scene = parse(
+        &(faces(0.0, 1.0, &[&[[1.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 1.0]]])
+            + &faces(0.5, 0.0, &[&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]]])),
+    );
+    let (surfaces, bvh) = (scene::surfaces(&scene), Bvh::new(OpaqueFaces::new(&scene)));
+    let rules = Rules {
+        oracle: Oracle::Energy,
+        threshold_w_m: 1e-8,
+        reference_w_m2: 1.0,
+        least_reflectance: 0.5,
+        point_w_m2: f64::INFINITY,
+        samples: SampleRules::new(Basis::M3),
+    };
+    let arena = Arena::new(Backend::Malloc);
+    let mut trees = trees::<1>(&surfaces, Basis::M3, &arena);
+    let packet = trees[0].exitance_packet();
+    let tree = &mut trees[1];
+    let asked = AtomicUsize::new(0);
+    let go_on = || asked.fetch_add(1, Relaxed) < 40;
+    let (helpers, mut scratch) = (Alone(&arena), Scratch::default());
+    let deposited =
+        shoot_while(&packet, &tree.patch, &mut tree.root, &bvh, &rules, &mut scratch, &helpers, &go_on);
+    assert!(scratch.work.interactions <= 40, "{} links", scratch.work.interactions);
+    let in_tree: f64 = {
+        let mut power_w = 0.0;
+        tree.field().for_each_leaf(&mut |leaf| power_w += leaf.cell.area() * leaf.coefficients[0]);
+        power_w
+    };
+    assert!(in_tree > 0.0 && (in_tree - deposited.received_w[0]).abs() < 1e-12, "{in_tree} W");
+    assert!(in_tree < 0.200_043_776_1, "it is not done");
 }
 
 /// In a sphere the kernel is 1/(4πR²): whatever the upper half emits falls evenly on all of it, `E = ⟨M⟩/(1 − ρ)`, as far as the

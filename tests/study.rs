@@ -75,7 +75,8 @@ fn a_study_measures_predicts_and_writes_all_of_it() {
     for prediction in predicted {
         let number = |name: &str| prediction[name].as_f64().unwrap();
         let replayed = |name: &str| prediction["replayed"][name].as_f64().unwrap();
-        assert!(number("speed_up") > 0.0 && number("speed_up") < number("workers"), "{prediction}");
+        // Two recordings of the same work differ by what else the machine does.
+        assert!(number("speed_up") > 0.0 && number("speed_up") < 1.1 * number("workers"), "{prediction}");
         let parts = ["busy_s", "remote_s", "overhead_s", "lock_s", "merge_s", "barrier_s", "alone_s"];
         let (sum, all) = (parts.map(replayed).iter().sum::<f64>(), number("workers") * replayed("seconds"));
         assert!((sum - all).abs() < 0.01 * all, "the time of all workers is accounted for: {prediction}");

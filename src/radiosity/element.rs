@@ -95,7 +95,8 @@ impl<const N: usize> Element<N> {
         self.share == 0.0
     }
 
-    fn irradiance(&self) -> &[[f64; N]] {
+    /// Its coefficients of irradiance; none outside.
+    pub(super) fn irradiance(&self) -> &[[f64; N]] {
         &self.light[..self.light.len() / 2]
     }
 
@@ -104,7 +105,7 @@ impl<const N: usize> Element<N> {
     }
 
     /// Irradiance and what of it is unshot.
-    fn light_mut(&mut self) -> (&mut [[f64; N]], &mut [[f64; N]]) {
+    pub(super) fn light_mut(&mut self) -> (&mut [[f64; N]], &mut [[f64; N]]) {
         let middle = self.light.len() / 2;
         self.light.split_at_mut(middle)
     }
@@ -116,11 +117,20 @@ impl<const N: usize> Element<N> {
 
     /// Mean of the unshot irradiance over the polygon's share of the cell; zero outside.
     pub fn mean_unshot(&self) -> [f64; N] {
-        let mut mean = self.unshot().first().copied().unwrap_or([0.0; N]);
+        self.mean(&|element| element.unshot())
+    }
+
+    /// Mean of the irradiance, likewise.
+    pub fn mean_irradiance(&self) -> [f64; N] {
+        self.mean(&|element| element.irradiance())
+    }
+
+    fn mean(&self, light: &dyn Fn(&Self) -> &[[f64; N]]) -> [f64; N] {
+        let mut mean = light(self).first().copied().unwrap_or([0.0; N]);
         if let Some((_, children)) = &self.children {
             let total: f64 = children.iter().map(|child| child.share).sum();
             for child in children.iter().filter(|child| !child.is_outside()) {
-                let below = child.mean_unshot();
+                let below = child.mean(light);
                 for n in 0..N {
                     mean[n] += below[n] * child.share / total;
                 }

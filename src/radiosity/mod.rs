@@ -2,13 +2,17 @@
 
 pub mod ambient;
 pub mod element;
+pub mod emission;
 pub mod lure;
+pub mod mixing;
 pub mod probe;
 pub mod solution;
 pub mod state;
 
 pub use ambient::add_ambient;
 pub use element::{Element, ElementBytes};
+pub use emission::field_packet;
 pub use lure::{Form, Lure};
+pub use mixing::Power;
 pub use solution::{Field, Leaf, Node, Solution};
 pub use state::{Tree, extent_m, trees};

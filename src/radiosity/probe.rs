@@ -5,14 +5,14 @@
 
 use glam::{DVec2, DVec3};
 
-use super::solution::{Field, Node, Solution};
+use super::emission::field_packet;
+use super::solution::Solution;
 use super::state::extent_m;
-use crate::math::basis::MAX_FUNCTIONS;
-use crate::math::{Basis, polygon};
+use crate::math::polygon;
 use crate::transport::candidates::Candidates;
 use crate::transport::gather::{Points, Tolerance};
 use crate::transport::lamp::Lamp;
-use crate::transport::{Detail, Packet, PacketNode, Scratch, Source};
+use crate::transport::{Packet, Scratch, Source};
 use crate::visibility::Occluder;
 
 /// How near to a surface a probe counts as on it, as a share of the scene's diameter.
@@ -140,50 +140,9 @@ impl<'a, const N: usize> Reader<'a, N> {
 
 /// The radiosity `M + ρE` of one surface as a packet.
 fn radiosity_packet<const N: usize>(solution: &Solution, index: usize) -> Packet<N> {
-    let (surface, field) = (&solution.surfaces[index], &solution.fields[index]);
-    let blank =
-        PacketNode { coefficients: [[0.0; N]; MAX_FUNCTIONS], detail: Detail::default(), children: None };
-    let mut nodes = vec![blank];
-    let builder = Builder { solution, index, field };
-    builder.fill(0, &mut nodes, 0);
-    let outline = (!surface.full).then(|| surface.outline.clone().into_boxed_slice());
-    Packet::new(index as u32, surface.face, surface.frame, outline, field.basis, nodes)
-}
-
-struct Builder<'a> {
-    solution: &'a Solution,
-    index: usize,
-    field: &'a Field,
-}
-
-impl Builder<'_> {
-    fn fill<const N: usize>(&self, at: usize, nodes: &mut Vec<PacketNode<N>>, slot: usize) {
-        let basis: Basis = self.field.basis;
-        let surface = &self.solution.surfaces[self.index];
-        match self.field.nodes[at] {
-            Node::Outside => {}
-            Node::Leaf(start) => {
-                let start = start as usize;
-                for a in 0..basis.len() {
-                    for n in 0..N {
-                        let e = self.field.coefficients[start + a * N + n];
-                        let emitted = if a == 0 { surface.exitance_w_m2[n] } else { 0.0 };
-                        nodes[slot].coefficients[a][n] = emitted + surface.reflectance[n] * e;
-                    }
-                }
-            }
-            Node::Inner(split, first_child) => {
-                let first = nodes.len();
-                let count = split.children().len();
-                let blank = nodes[slot].clone();
-                nodes.resize(first + count, blank);
-                for i in 0..count {
-                    self.fill(first_child as usize + i, nodes, first + i);
-                }
-                super::element::pull(basis, split, nodes, slot, first, |i| {
-                    matches!(self.field.nodes[first_child as usize + i], Node::Outside)
-                });
-            }
-        }
-    }
+    let surface = &solution.surfaces[index];
+    field_packet(index, surface, &solution.fields[index], |function, band, irradiance| {
+        let emitted = if function == 0 { surface.exitance_w_m2[band] } else { 0.0 };
+        emitted + surface.reflectance[band] * irradiance
+    })
 }

@@ -57,6 +57,12 @@ pub struct Leaf<'a> {
 }
 
 impl Field {
+    /// The same everywhere: one value per band.
+    pub fn even(values: &[f64]) -> Self {
+        let (nodes, coefficients) = (vec![Node::Leaf(0)], values.to_vec());
+        Self { basis: Basis::Haar, bands: values.len(), nodes, coefficients }
+    }
+
     /// Number of leaves.
     pub fn leaves(&self) -> u64 {
         (self.coefficients.len() / (self.basis.len() * self.bands)) as u64

@@ -8,6 +8,7 @@ use crate::scene::{Scene, Surface};
 use crate::transport::{Deposited, Detail, Packet, PacketNode, Patch, Receiver, Shape, Work};
 
 use super::element::Element;
+use super::mixing::Direct;
 use super::solution::{Field, Node};
 
 /// A surface with its tree of elements.
@@ -33,6 +34,8 @@ pub struct Tree<const N: usize> {
     pub work: Work,
     /// Cost of the longest chain of parts of that work that wait for each other.
     pub span: u64,
+    /// The direct irradiance, where states are to be mixed.
+    pub(super) direct: Option<Box<Direct<N>>>,
     outline: Option<Box<[glam::DVec2]>>,
 }
 
@@ -51,6 +54,7 @@ impl<const N: usize> Tree<N> {
             error_squared: 0.0,
             work: Work::default(),
             span: 0,
+            direct: None,
             outline: (!surface.full).then(|| surface.outline.clone().into_boxed_slice()),
         }
     }

@@ -3,7 +3,7 @@
 //! Everything a batch changes belongs to one receiver, so the order of receivers, and who takes which, does not show in the result.
 
 use crate::radiosity::Tree;
-use crate::transport::{Clusters, Helpers, Lamp, Packet, Packets, Rules, Scratch, shoot};
+use crate::transport::{Clusters, Helpers, Lamp, Packet, Packets, Rules, Scratch, shoot_while};
 use crate::visibility::Occluder;
 
 use super::walks::Walks;
@@ -109,7 +109,8 @@ impl<const N: usize> Batch<'_, N> {
     ) {
         let go_on = || !watch.stopped();
         for lamp in self.lamps.iter().take_while(|_| go_on()) {
-            let deposited = shoot(lamp, &tree.patch, &mut tree.root, occluder, rules, scratch, helpers);
+            let Tree { patch, root, .. } = &mut *tree;
+            let deposited = shoot_while(lamp, patch, root, occluder, rules, scratch, helpers, &go_on);
             tree.book(&deposited);
         }
         let Tree { patch, root, .. } = tree;

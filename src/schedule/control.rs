@@ -9,10 +9,10 @@ use ccnuma::arena::Memory;
 use ccnuma::{Team, WorkerPanic};
 
 use crate::math::Basis;
-use crate::radiosity::{Field, Solution, Tree, add_ambient, extent_m};
+use crate::radiosity::{Field, Solution, Tree, add_ambient, extent_m, field_packet};
 use crate::scene::{Light, Scene, Surface};
 use crate::transport::lamp::Lamp;
-use crate::transport::{Oracle, Rules, SampleRules, Work};
+use crate::transport::{Oracle, Packet, Rules, SampleRules, Source, Work};
 use crate::visibility::Occluder;
 
 use super::batch::Batches;
@@ -32,9 +32,11 @@ const UNSHOT_SHARE: f64 = 0.2;
 const POINT_LIMIT: f64 = 0.003;
 /// Light that is still to come does not spread evenly: RMS over mean.
 const SPREAD: f64 = 1.5;
-/// The root of the sum of squared link errors, times this, is the error of the solution in dark scenes; the second number is how it grows
-/// with the gain `ρ/(1 − ρ)`, since link errors are reflected on (calibrated on the reference scenes and furnaces).
-const LINK_CALIBRATION: (f64, f64) = (1.4, 0.4);
+/// The root of the sum of squared link errors, times this, is the error of the solution in dark scenes (calibrated on the reference scenes).
+const LINK_CALIBRATION: f64 = 1.4;
+/// Link errors are reflected on. Those of all signs grow with the root of the gain `ρ/(1 − ρ)`, their small mean with the gain itself
+/// (calibrated on furnaces and manufactured solutions at ρ 0.5 to 0.999).
+const REFLECTED: (f64, f64) = (0.4, 0.13);
 /// Below one percent, errors that no sample shows (contacts, thin shadows) fall slower than those of links: the calibration grows with this
 /// power of the target under 0.01.
 const UNSEEN_GROWTH: f64 = 0.25;
@@ -122,8 +124,26 @@ pub fn solve_by(
         let mut crew = Crew::new(schedule.team, schedule.memory, surfaces)?;
         let occluders = crew.copy(occluder.bytes(), || occluder.replica())?;
         let means = Means { batches: schedule.batches, crew: &mut crew, occluders, watch };
-        solve_in_bands(scene, surfaces, occluder, options, means)
+        solve_in_bands(scene, surfaces, None, occluder, options, means)
     })
+}
+
+/// As [`solve`], where the exitance varies over surfaces: a field for each of them, in W/m², stands for what its material emits, and may be
+/// negative. The fields of the solution are the irradiance as ever; its radiosity knows nothing of these.
+pub fn solve_emitting(
+    scene: &Scene,
+    surfaces: &[Surface],
+    exitance: &[Field],
+    occluder: &dyn Occluder,
+    options: &Options,
+    observer: &mut dyn Observer,
+) -> Outcome {
+    let solved = observed(observer, |watch| {
+        let mut crew = Crew::new(None, Memory::default(), surfaces)?;
+        let means = Means { batches: Batches::default(), crew: &mut crew, occluders: Copies::none(), watch };
+        solve_in_bands(scene, surfaces, Some(exitance), occluder, options, means)
+    });
+    solved.unwrap_or_else(|panic: WorkerPanic| unreachable!("there is no team, and yet {panic}"))
 }
 
 /// As [`solve`], with a record of what was done.
@@ -138,7 +158,7 @@ pub fn solve_recorded(
     let solved = observed(observer, |watch| {
         let mut crew = Crew::recording(surfaces);
         let means = Means { batches, crew: &mut crew, occluders: Copies::none(), watch };
-        let outcome = solve_in_bands(scene, surfaces, occluder, options, means)?;
+        let outcome = solve_in_bands(scene, surfaces, None, occluder, options, means)?;
         Ok((outcome, crew.into_record().unwrap_or_default()))
     });
     solved.unwrap_or_else(|panic: WorkerPanic| unreachable!("there is no team, and yet {panic}"))
@@ -147,14 +167,15 @@ pub fn solve_recorded(
 fn solve_in_bands(
     scene: &Scene,
     surfaces: &[Surface],
+    exitance: Option<&[Field]>,
     occluder: &dyn Occluder,
     options: &Options,
     means: Means<'_, '_, '_>,
 ) -> Result<Outcome, WorkerPanic> {
     match scene.bands.len() {
-        1 => Run::<1>::new(scene, surfaces, occluder, options).solve(means),
-        2 => Run::<2>::new(scene, surfaces, occluder, options).solve(means),
-        _ => Run::<3>::new(scene, surfaces, occluder, options).solve(means),
+        1 => Run::<1>::new(scene, surfaces, exitance, occluder, options).solve(means),
+        2 => Run::<2>::new(scene, surfaces, exitance, occluder, options).solve(means),
+        _ => Run::<3>::new(scene, surfaces, exitance, occluder, options).solve(means),
     }
 }
 
@@ -164,6 +185,8 @@ struct Run<'a, const N: usize> {
     occluder: &'a dyn Occluder,
     options: &'a Options,
     lamps: Vec<Lamp<N>>,
+    /// What surfaces emit.
+    emitters: Vec<Packet<N>>,
     area_m2: f64,
     /// Area-weighted mean over surfaces of the largest reflectance over bands.
     mean_reflectance: f64,
@@ -195,6 +218,7 @@ impl<'a, const N: usize> Run<'a, N> {
     fn new(
         scene: &'a Scene,
         surfaces: &'a [Surface],
+        exitance: Option<&[Field]>,
         occluder: &'a dyn Occluder,
         options: &'a Options,
     ) -> Self {
@@ -205,12 +229,25 @@ impl<'a, const N: usize> Run<'a, N> {
         let mean: f64 = surfaces.iter().map(|s| s.area_m2 * brightest(s)).sum::<f64>() / area_m2;
         let extent = extent_m(scene);
         let lamps = scene.lights.iter().map(|light| Lamp::new(light, extent)).collect();
+        let emits = |s: &Surface| s.exitance_w_m2.iter().any(|m| *m > 0.0);
+        let even = |s: &Surface| Field::even(&s.exitance_w_m2);
+        let packet = |i: usize, field: &Field| field_packet(i, &surfaces[i], field, |_, _, m| m);
+        let emitters = match exitance {
+            Some(fields) => fields.iter().enumerate().map(|(i, field)| packet(i, field)).collect(),
+            None => surfaces
+                .iter()
+                .enumerate()
+                .filter(|(_, s)| emits(s))
+                .map(|(i, s)| packet(i, &even(s)))
+                .collect(),
+        };
         Self {
             scene,
             surfaces,
             occluder,
             options,
             lamps,
+            emitters,
             area_m2,
             mean_reflectance: mean,
             gain: rho / (1.0 - rho),
@@ -226,8 +263,7 @@ impl<'a, const N: usize> Run<'a, N> {
         let threshold = pilot_error * guess / (32.0 * (self.surfaces.len().max(1) as f64).powf(0.25));
         watch.pass(0);
         let mut trees = means.crew.grow::<N>(self.surfaces, self.options.basis)?;
-        let aim = (threshold, pilot_error * guess);
-        let mut attempt = self.attempt(&mut trees, aim, Some(pilot_error), &mut means)?;
+        let mut attempt = self.attempt(&mut trees, threshold, (pilot_error, guess), true, &mut means)?;
         let mut threshold = attempt.threshold_w_m;
         let mut packet_bytes = attempt.statistics.packet_bytes;
         let mut finished = None;
@@ -241,13 +277,16 @@ impl<'a, const N: usize> Run<'a, N> {
             {
                 break;
             }
+            threshold *= attempt.statistics.growth;
             if links > 0.0 {
-                threshold *= (allowed / links).min(1.0).powf(1.0 / self.growth()).max(1e-4);
+                // Errors of a pilot that mixed states are those of coarse links made many times brighter, and fall faster.
+                let growth = if passes == 1 && attempt.statistics.mixed { 1.0 } else { self.growth() };
+                threshold *= (allowed / links).min(1.0).powf(1.0 / growth).max(1e-4);
             }
             watch.pass(passes);
             let fields = means.crew.map(&mut trees, |_| true, |tree| tree.field())?;
             let last = attempt;
-            attempt = self.attempt(&mut trees, (threshold, target * attempt.norm), None, &mut means)?;
+            attempt = self.attempt(&mut trees, threshold, (target, attempt.norm), false, &mut means)?;
             work += attempt.work();
             packet_bytes = packet_bytes.max(attempt.statistics.packet_bytes);
             if attempt.statistics.interrupted {
@@ -270,8 +309,8 @@ impl<'a, const N: usize> Run<'a, N> {
 
     /// An order of magnitude of the norm of reflected radiosity, in W/m: an integrating sphere with the scene's area and power.
     fn guess_norm(&self) -> f64 {
-        let emitted: f64 =
-            self.surfaces.iter().map(|s| s.area_m2 * square_sum(&s.exitance_w_m2).sqrt()).sum();
+        let area_m2 = |packet: &Packet<N>| self.surfaces[packet.surface as usize].area_m2;
+        let emitted: f64 = self.emitters.iter().map(|p| area_m2(p) * p.strength()).sum();
         let lamps: f64 = self
             .scene
             .lights
@@ -294,45 +333,45 @@ impl<'a, const N: usize> Run<'a, N> {
         (emitted + lamps) * self.gain.min(4.0) / self.area_m2.sqrt()
     }
 
-    /// One pass. That of a pilot, which knows the norm by guess only, `goes_by` the direct light it finds and is to err this much.
+    /// One pass, which is to err by `error` where the norm is as given. That of a pilot is known by guess only, and of a coarse target put
+    /// right by the direct light found.
     fn attempt(
         &self,
         trees: &mut [Tree<N>],
-        (mut threshold_w_m, aim_w_m): (f64, f64),
-        goes_by: Option<f64>,
+        mut threshold_w_m: f64,
+        (mut error, mut norm_w_m): (f64, f64),
+        pilot: bool,
         means: &mut Means<'_, '_, '_>,
     ) -> Result<Attempt, WorkerPanic> {
-        let (batches, watch) = (means.batches, means.watch);
-        let mut allowed_w_m = aim_w_m;
-        let lit = goes_by.is_none();
+        let (target, batches, watch) = (self.options.error, means.batches, means.watch);
+        let aim_w_m = error * norm_w_m;
         let rules = self.rules(threshold_w_m, aim_w_m);
-        let pass = self.pass((&rules, lit), aim_w_m, &means.occluders, batches);
+        let pass = self.pass((&rules, !pilot), (error, norm_w_m), &means.occluders, batches);
         let (mut statistics, reflected) = pass.illuminate(trees, means.crew, watch)?;
         if self.options.direct_only {
             let norm = self.norm(trees, means.crew)?;
             let link_error = self.link_error(&statistics);
             return Ok(Attempt { statistics, threshold_w_m, norm, link_error, unshot_error: 0.0 });
         }
-        let goes_by = goes_by.filter(|_| self.options.error >= PILOT_ONLY);
-        if let Some(error) = goes_by {
-            let direct = self.norm(trees, means.crew)?;
-            let (found, wanted) = (self.link_error(&statistics), self.options.error * direct);
-            allowed_w_m = error * direct;
+        let may_suffice = pilot && target >= PILOT_ONLY && !pass.mixes();
+        if may_suffice {
+            norm_w_m = self.norm(trees, means.crew)?;
+            let (found, wanted) = (self.link_error(&statistics), target * norm_w_m);
             if found <= HOPEFUL * wanted {
                 // The target may be within reach at once, and with links no finer than it takes.
                 threshold_w_m *= (wanted / found).powf(1.0 / self.growth()).clamp(1.0, COARSEST);
-                allowed_w_m = wanted;
+                error = target;
             }
         }
         let rules = self.rules(threshold_w_m, aim_w_m);
-        let pass = self.pass((&rules, lit), allowed_w_m, &means.occluders, batches);
+        let pass = self.pass((&rules, !pilot), (error, norm_w_m), &means.occluders, batches);
         let done = if reflected.is_empty() { 0.0 } else { REFLECTED_SHARE };
         let mut shot_w = pass.reflect(trees, reflected, means.crew, watch, &mut statistics)?;
         pass.interreflect(trees, (done, &mut shot_w), means.crew, watch, &mut statistics)?;
-        let target_w_m = self.options.error * self.norm(trees, means.crew)?;
-        if goes_by.is_some() && self.link_error(&statistics) <= LINK_SHARE * target_w_m {
+        let norm_w_m = self.norm(trees, means.crew)?;
+        if may_suffice && self.link_error(&statistics) <= LINK_SHARE * target * norm_w_m {
             // Links are good enough already: what is left to send need not wait for another pass.
-            let pass = self.pass((&rules, lit), target_w_m, &means.occluders, batches);
+            let pass = self.pass((&rules, !pilot), (target, norm_w_m), &means.occluders, batches);
             pass.interreflect(trees, (1.0, &mut shot_w), means.crew, watch, &mut statistics)?;
         }
         add_ambient(trees, &shot_w);
@@ -364,18 +403,21 @@ impl<'a, const N: usize> Run<'a, N> {
     fn pass<'b>(
         &'b self,
         (rules, lit): (&'b Rules, bool),
-        allowed_w_m: f64,
+        (error, norm_w_m): (f64, f64),
         occluders: &'b Copies<Box<dyn Occluder + Send>>,
         batches: Batches,
     ) -> Pass<'b, N> {
-        let root_area = self.area_m2.sqrt();
+        let (root_area, allowed_w_m) = (self.area_m2.sqrt(), error * norm_w_m);
         Pass {
             lamps: &self.lamps,
+            emitters: &self.emitters,
             occluder: self.occluder,
             occluders,
             rules,
             lit,
             direct_only: self.options.direct_only,
+            norm_w_m,
+            gain: self.gain,
             stop_w: UNSHOT_SHARE * allowed_w_m * root_area / (SPREAD * self.gain.max(1e-9)),
             prune_w_m2: 0.02 * allowed_w_m / root_area,
             batches,
@@ -391,7 +433,8 @@ impl<'a, const N: usize> Run<'a, N> {
     /// What the errors of links come to in the solution, in W/m.
     fn link_error(&self, statistics: &PassStatistics) -> f64 {
         let unseen = (0.01 / self.options.error).max(1.0).powf(UNSEEN_GROWTH);
-        let calibration = LINK_CALIBRATION.0 * (LINK_CALIBRATION.1 * self.gain).hypot(1.0) * unseen;
+        let reflected = (REFLECTED.0 * self.gain.sqrt()).hypot(REFLECTED.1 * self.gain);
+        let calibration = LINK_CALIBRATION * reflected.hypot(1.0) * unseen;
         calibration * statistics.error_squared.sqrt()
     }
 

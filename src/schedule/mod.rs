@@ -17,6 +17,7 @@ mod copies;
 mod crew;
 mod footprint;
 pub mod homes;
+mod mixing;
 mod parts;
 pub mod pass;
 pub mod record;
@@ -24,7 +25,7 @@ pub mod walks;
 mod watch;
 
 pub use batch::Batches;
-pub use control::{Options, Outcome, Schedule, solve, solve_by, solve_recorded};
+pub use control::{Options, Outcome, Schedule, solve, solve_by, solve_emitting, solve_recorded};
 pub use crew::Longest;
 pub use footprint::Footprint;
 pub use parts::Part;

@@ -13,6 +13,7 @@ use crate::visibility::Occluder;
 use super::batch::{Batch, Batches, brightest};
 use super::copies::Copies;
 use super::crew::{Crew, Longest};
+use super::mixing::{LEAST_GAIN, Look, Mixer, shooters};
 use super::walks::Supply;
 use super::watch::{Stage, Watch};
 
@@ -23,10 +24,16 @@ pub(super) const REFLECTED_SHARE: f64 = 0.8;
 const LOOKED_AT: usize = 64;
 const COST_UNIT: f64 = 100.0;
 
+/// A norm is far too low a guess from this factor on.
+const FAR_TOO_LOW: f64 = 2.0;
+
 /// What a pass is to do.
+#[derive(Clone, Copy)]
 pub struct Pass<'a, const N: usize> {
     /// Lights without area.
     pub lamps: &'a [Lamp<N>],
+    /// What surfaces emit.
+    pub emitters: &'a [Packet<N>],
     /// What may stand between.
     pub occluder: &'a dyn Occluder,
     /// Copies of it near the workers.
@@ -38,6 +45,10 @@ pub struct Pass<'a, const N: usize> {
     pub lit: bool,
     /// Whether to stop after direct illumination.
     pub direct_only: bool,
+    /// The norm of reflected radiosity in W/m that rules, `stop_w` and `prune_w_m2` go by; far too low a guess is put right on the way.
+    pub norm_w_m: f64,
+    /// `ρ/(1 − ρ)` of the scene.
+    pub gain: f64,
     /// Stop once this much power in W is left unshot.
     pub stop_w: f64,
     /// Detail of packets below this is averaged, in W/m².
@@ -71,6 +82,10 @@ pub struct PassStatistics {
     pub unshot_w: f64,
     /// Power sent by the lights in W that arrived, reflected once.
     pub first_reflection_w: f64,
+    /// How many times the norm is larger than what the pass was told, if that was far too low; else 1.
+    pub growth: f64,
+    /// Whether states were mixed.
+    pub mixed: bool,
     /// Whether the pass was interrupted.
     pub interrupted: bool,
 }
@@ -83,21 +98,16 @@ impl<const N: usize> Pass<'_, N> {
         crew: &mut Crew<'_>,
         watch: &Watch,
     ) -> Result<(PassStatistics, Vec<Packet<N>>), WorkerPanic> {
-        let mut statistics = PassStatistics::default();
+        let mut statistics = PassStatistics { growth: 1.0, ..PassStatistics::default() };
         let start = Instant::now();
         watch.stage(Stage::Direct);
-        let emitters: Vec<Packet<N>> = trees
-            .iter()
-            .filter(|tree| tree.exitance_w_m2.iter().any(|m| *m > 0.0))
-            .map(Tree::exitance_packet)
-            .collect();
         if !self.lit && crew.plans() {
-            let expected = crew.map(trees, |_| true, |tree| self.expected_cost(tree, &emitters))?;
+            let expected = crew.map(trees, |_| true, |tree| self.expected_cost(tree))?;
             crew.expect(expected);
         }
         crew.settle(trees)?;
         let reflected = self.begin(trees, crew)?;
-        self.shoot_known(self.lamps, &emitters, 1.0, trees, crew, watch, &mut statistics)?;
+        self.shoot_known(self.lamps, self.emitters, 1.0, trees, crew, watch, &mut statistics)?;
         statistics.direct = take_work(trees);
         statistics.first_reflection_w = unshot_w(trees);
         statistics.direct_s = start.elapsed().as_secs_f64();
@@ -116,6 +126,9 @@ impl<const N: usize> Pass<'_, N> {
     ) -> Result<[f64; N], WorkerPanic> {
         let start = Instant::now();
         watch.stage(Stage::Interreflection);
+        if self.mixes() {
+            crew.map(trees, |_| true, Tree::keep_direct)?;
+        }
         let mut shot_w = [0.0; N];
         for tree in trees.iter_mut() {
             tree.indirect_w = [0.0; N];
@@ -158,12 +171,12 @@ impl<const N: usize> Pass<'_, N> {
     }
 
     /// What a tree may cost in direct illumination, beside the others. Of many sources some stand for all.
-    fn expected_cost(&self, tree: &Tree<N>, emitters: &[Packet<N>]) -> u64 {
-        let every = (self.lamps.len() + emitters.len()).div_ceil(LOOKED_AT).max(1);
+    fn expected_cost(&self, tree: &Tree<N>) -> u64 {
+        let every = (self.lamps.len() + self.emitters.len()).div_ceil(LOOKED_AT).max(1);
         let area_m2 = tree.area_m2;
         let of_lamps = self.lamps.iter().step_by(every);
         let of_lamps = of_lamps.map(|lamp| tree.patch.expected_cost(lamp, area_m2, self.rules));
-        let of_surfaces = emitters.iter().step_by(every);
+        let of_surfaces = self.emitters.iter().step_by(every);
         let of_surfaces = of_surfaces.map(|packet| tree.patch.expected_cost(packet, area_m2, self.rules));
         (COST_UNIT * of_lamps.chain(of_surfaces).sum::<f64>()) as u64
     }
@@ -219,13 +232,49 @@ impl<const N: usize> Pass<'_, N> {
             *shot_w = sent_w;
             return Ok(());
         }
+        self.iterate(shot_w, &progress, trees, crew, watch, statistics)?;
+        if self.mixes() {
+            crew.map(trees, |_| true, Tree::forget_direct)?;
+        }
+        Ok(())
+    }
+
+    /// Has surfaces shoot until little is left.
+    fn iterate(
+        &self,
+        shot_w: &mut [f64; N],
+        progress: &dyn Fn(f64),
+        trees: &mut [Tree<N>],
+        crew: &mut Crew<'_>,
+        watch: &Watch,
+        statistics: &mut PassStatistics,
+    ) -> Result<(), WorkerPanic> {
+        let mut mixer = self.mixes().then(|| Mixer::new(self.gain));
         loop {
             let left = unshot_w(trees);
             if left <= self.stop_w || watch.stopped() {
                 return Ok(());
             }
             progress(left);
-            let shooters = self.batches.choose(trees, self.stop_w);
+            let shooters = match &mut mixer {
+                None => self.batches.choose(trees, self.stop_w),
+                Some(mixer) => match mixer.look(trees, shot_w, crew)? {
+                    Look::Fine => shooters(trees, self.stop_w),
+                    Look::Stuck => return Ok(()),
+                    Look::Mixed => {
+                        statistics.mixed = true;
+                        let squares = crew.map(trees, |_| true, |tree| tree.reflected_norm_squared())?;
+                        let growth = squares.iter().sum::<f64>().sqrt() / self.norm_w_m;
+                        if growth <= FAR_TOO_LOW {
+                            continue;
+                        }
+                        statistics.growth *= growth;
+                        let rules = self.rules.brighter(growth);
+                        let brighter = self.brighter(growth, &rules);
+                        return brighter.iterate(shot_w, progress, trees, crew, watch, statistics);
+                    }
+                },
+            };
             let shoots = |tree: &Tree<N>| shooters.binary_search(&(tree.patch.surface as usize)).is_ok();
             let taken =
                 crew.map(trees, shoots, |tree| (tree.unshot_by_band_w(), tree.take_packet(self.prune_w_m2)))?;
@@ -244,6 +293,17 @@ impl<const N: usize> Pass<'_, N> {
             )?;
             crew.discard(packets)?;
         }
+    }
+
+    /// Whether states are mixed. The paper's schedules do without.
+    pub(super) fn mixes(&self) -> bool {
+        self.gain >= LEAST_GAIN && self.batches == Batches::Fitted
+    }
+
+    /// The same pass where all is so many times brighter.
+    fn brighter<'b>(&'b self, times: f64, rules: &'b Rules) -> Pass<'b, N> {
+        let (norm_w_m, stop_w) = (times * self.norm_w_m, times * self.stop_w);
+        Pass { rules, norm_w_m, stop_w, prune_w_m2: times * self.prune_w_m2, ..*self }
     }
 
     /// Shoots sources that are all known at the start of a stage; they take it to this share.

@@ -21,7 +21,7 @@ pub trait Observer {
     fn pass(&mut self, _number: usize) {}
     /// Share of a stage that is done, in [0, 1].
     fn progress(&mut self, _stage: Stage, _share: f64) {}
-    /// Whether to stop after the pairs at hand; asked some twenty times a second.
+    /// Whether to stop after the elements at hand; asked some twenty times a second.
     fn interrupted(&mut self) -> bool {
         false
     }
@@ -60,7 +60,7 @@ impl Watch {
         Self { stop: AtomicBool::new(false), from, to, parts, done, events }
     }
 
-    /// Whether to stop; polled before every pair.
+    /// Whether to stop; polled before every element of a pair.
     pub fn stopped(&self) -> bool {
         self.stop.load(Relaxed)
     }

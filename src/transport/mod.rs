@@ -30,7 +30,7 @@ pub use cluster::Clusters;
 pub use gather::{Gather, Points};
 pub use lamp::Lamp;
 pub use packet::{Detail, Packet, PacketNode, Shape};
-pub use pair::{Oracle, Rules, Scratch, shoot};
+pub use pair::{GoOn, Oracle, Rules, Scratch, shoot, shoot_while};
 pub use receiver::{Deposited, Patch, Receiver, Waiting};
 pub use samples::SampleRules;
 pub use several::Packets;

@@ -36,6 +36,9 @@ pub(super) const COARSE_SHARE: f64 = 0.5;
 /// Tolerance of the first look at an element, and of a pair that is taken by one sample, as a share of the light.
 pub(super) const COARSE: f64 = 0.25;
 
+/// Whether to go on; asked before every element, so without a clock.
+pub type GoOn<'a> = &'a (dyn Fn() -> bool + Sync);
+
 /// The rules of a run's pair tasks.
 #[derive(Clone, Debug)]
 pub struct Rules {
@@ -52,6 +55,14 @@ pub struct Rules {
     pub point_w_m2: f64,
     /// How receivers are sampled and projected.
     pub samples: SampleRules,
+}
+
+impl Rules {
+    /// The same rules where all light is so many times brighter.
+    pub fn brighter(&self, times: f64) -> Self {
+        let (threshold_w_m, point_w_m2) = (times * self.threshold_w_m, times * self.point_w_m2);
+        Self { threshold_w_m, point_w_m2, reference_w_m2: times * self.reference_w_m2, ..self.clone() }
+    }
 }
 
 /// Working memory and counts of one worker.
@@ -76,11 +87,27 @@ pub fn shoot<const N: usize, R: Receiver<N>>(
     scratch: &mut Scratch,
     helpers: &dyn Helpers,
 ) -> Deposited<N> {
-    let deposited = shoot_first(source, patch, receiver, occluder, rules, scratch, helpers);
+    shoot_while(source, patch, receiver, occluder, rules, scratch, helpers, &|| true)
+}
+
+/// As [`shoot`], while told to go on; what was deposited by then stays.
+#[allow(clippy::too_many_arguments)]
+pub fn shoot_while<const N: usize, R: Receiver<N>>(
+    source: &impl Source<N>,
+    patch: &Patch<N>,
+    receiver: &mut R,
+    occluder: &dyn Occluder,
+    rules: &Rules,
+    scratch: &mut Scratch,
+    helpers: &dyn Helpers,
+    go_on: GoOn<'_>,
+) -> Deposited<N> {
+    let deposited = shoot_first(source, patch, receiver, occluder, rules, scratch, helpers, go_on);
     Deposited { waiting: Vec::new(), ..deposited }
 }
 
-/// As [`shoot`], for who comes back with the links that wait: [`go_down`].
+/// As [`shoot_while`], for who comes back with the links that wait: [`go_down`].
+#[allow(clippy::too_many_arguments)]
 pub(super) fn shoot_first<const N: usize, R: Receiver<N>>(
     source: &impl Source<N>,
     patch: &Patch<N>,
@@ -89,6 +116,7 @@ pub(super) fn shoot_first<const N: usize, R: Receiver<N>>(
     rules: &Rules,
     scratch: &mut Scratch,
     helpers: &dyn Helpers,
+    go_on: GoOn<'_>,
 ) -> Deposited<N> {
     if source.surface() == patch.surface || source.face() == patch.face {
         return Deposited::default();
@@ -97,7 +125,7 @@ pub(super) fn shoot_first<const N: usize, R: Receiver<N>>(
         scratch.work.pairs_behind += 1;
         return Deposited::default();
     }
-    let mut task = Setting::new(source, patch, occluder, rules).run_by(scratch, helpers);
+    let mut task = Setting::new(source, patch, occluder, rules, go_on).run_by(scratch, helpers);
     task.begin(receiver);
     task.deposited
 }
@@ -116,7 +144,8 @@ pub(super) fn go_down<const N: usize, R: Receiver<N>>(
     helpers: &dyn Helpers,
 ) -> Deposited<N> {
     let top = scratch.candidates.len();
-    let mut task = Setting::new(source, patch, occluder, rules).run_by(scratch, helpers);
+    // To the end in any case: what a link takes back must come again.
+    let mut task = Setting::new(source, patch, occluder, rules, &|| true).run_by(scratch, helpers);
     task.visit(receiver, Cell::UNIT, Candidates::Scene, 0, Some(waiting));
     let deposited = task.deposited;
     scratch.candidates.truncate(top);
@@ -129,6 +158,7 @@ struct Setting<'a, const N: usize, S> {
     patch: &'a Patch<N>,
     occluder: &'a dyn Occluder,
     rules: &'a Rules,
+    go_on: GoOn<'a>,
     threshold: f64,
     extend: bool,
     /// What an error of irradiance counts: the largest reflectance, or the least one if that is more.
@@ -144,7 +174,13 @@ impl<const N: usize, S> Clone for Setting<'_, N, S> {
 impl<const N: usize, S> Copy for Setting<'_, N, S> {}
 
 impl<'a, const N: usize, S: Source<N>> Setting<'a, N, S> {
-    fn new(source: &'a S, patch: &'a Patch<N>, occluder: &'a dyn Occluder, rules: &'a Rules) -> Self {
+    fn new(
+        source: &'a S,
+        patch: &'a Patch<N>,
+        occluder: &'a dyn Occluder,
+        rules: &'a Rules,
+        go_on: GoOn<'a>,
+    ) -> Self {
         let mut threshold = rules.threshold_w_m;
         if rules.oracle == Oracle::Geometry {
             threshold *= source.strength() / rules.reference_w_m2;
@@ -159,16 +195,28 @@ impl<'a, const N: usize, S: Source<N>> Setting<'a, N, S> {
             least > -1e-9 * hull[0].distance(hull[2]).max(hull[1].distance(hull[3]))
         });
         let weight = patch.weight(rules.least_reflectance);
-        Self { source, patch, occluder, rules, threshold, extend, weight }
+        Self { source, patch, occluder, rules, go_on, threshold, extend, weight }
     }
 
     fn run_by<'b>(self, scratch: &'b mut Scratch, helpers: &'b dyn Helpers) -> Shoot<'b, N, S>
     where
         'a: 'b,
     {
-        let Setting { source, patch, occluder, rules, threshold, extend, weight } = self;
+        let Setting { source, patch, occluder, rules, go_on, threshold, extend, weight } = self;
         let deposited = Deposited::default();
-        Shoot { source, patch, occluder, rules, scratch, helpers, threshold, extend, weight, deposited }
+        Shoot {
+            source,
+            patch,
+            occluder,
+            rules,
+            go_on,
+            scratch,
+            helpers,
+            threshold,
+            extend,
+            weight,
+            deposited,
+        }
     }
 
     /// Visits the parts, half of them perhaps elsewhere. `blockers` is what `candidates` lists, if it is a list.
@@ -224,6 +272,7 @@ pub(super) struct Shoot<'a, const N: usize, S> {
     pub(super) patch: &'a Patch<N>,
     pub(super) occluder: &'a dyn Occluder,
     pub(super) rules: &'a Rules,
+    go_on: GoOn<'a>,
     pub(super) scratch: &'a mut Scratch,
     helpers: &'a dyn Helpers,
     pub(super) threshold: f64,
@@ -234,8 +283,8 @@ pub(super) struct Shoot<'a, const N: usize, S> {
 
 impl<'a, const N: usize, S: Source<N>> Shoot<'a, N, S> {
     fn setting(&self) -> Setting<'a, N, S> {
-        let Self { source, patch, occluder, rules, threshold, extend, weight, .. } = *self;
-        Setting { source, patch, occluder, rules, threshold, extend, weight }
+        let Self { source, patch, occluder, rules, go_on, threshold, extend, weight, .. } = *self;
+        Setting { source, patch, occluder, rules, go_on, threshold, extend, weight }
     }
 
     fn begin<R: Receiver<N>>(&mut self, receiver: &mut R) {
@@ -310,7 +359,8 @@ impl<'a, const N: usize, S: Source<N>> Shoot<'a, N, S> {
         level: u8,
         waiting: Option<&[Waiting<N>]>,
     ) {
-        if receiver.shape() == Shape::Outside || waiting.is_some() && receiver.split().is_none() {
+        let idle = receiver.shape() == Shape::Outside || waiting.is_some() && receiver.split().is_none();
+        if idle || !(self.go_on)() {
             return;
         }
         let hull = cell_corners(&cell).map(|c| self.patch.frame.point(c));

@@ -4,7 +4,7 @@ use super::candidates::Candidates;
 use super::cluster::{Clusters, DRAWS};
 use super::gather::{Points, Tolerance, norm};
 use super::packet::Packet;
-use super::pair::{COARSE, COARSE_SHARE, Scratch, go_down, middle_of, shoot_first};
+use super::pair::{COARSE, COARSE_SHARE, GoOn, Scratch, go_down, middle_of, shoot_first};
 use super::receiver::{Deposited, Patch, Receiver};
 use super::share::Helpers;
 use super::source::Source;
@@ -46,13 +46,13 @@ impl<const N: usize> Packets<'_, N> {
         rules: &Rules,
         scratch: &mut Scratch,
         helpers: &dyn Helpers,
-        go_on: &dyn Fn() -> bool,
+        go_on: GoOn<'_>,
     ) -> Deposited<N> {
         let mut deposited = Deposited::default();
         let mut waiting = Vec::new();
         let mut one = |index: usize, receiver: &mut R, scratch: &mut Scratch| {
             let packet = &self.packets[index];
-            let mut taken = shoot_first(packet, patch, receiver, occluder, rules, scratch, helpers);
+            let mut taken = shoot_first(packet, patch, receiver, occluder, rules, scratch, helpers, go_on);
             let links = std::mem::take(&mut taken.waiting);
             if !links.is_empty() {
                 waiting.push((packet, links));

@@ -21,7 +21,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use ccnuma::{Arena, Team, Worker, WorkerPanic};
 
 use crate::radiosity::Tree;
-use crate::transport::{Alone, Deposited, Packet, Patch, Receiver, Rules, Scratch, Source, shoot};
+use crate::transport::{Alone, Deposited, Packet, Patch, Receiver, Rules, Scratch, Source, shoot_while};
 use crate::visibility::Occluder;
 
 use super::crew::Room;
@@ -127,7 +127,8 @@ impl<const N: usize> Stage<'_, '_, '_, N> {
 
     /// The pairs of a walk, until it ends or the run is told to stop.
     fn shoot(&self, walk: &Walk<'_, N>, source: &impl Source<N>, worker: &Worker, scratch: &mut Scratch) {
-        let pair = Shot { source, occluder: (self.occluder)(worker.node()), rules: self.rules };
+        let pair =
+            Shot { source, occluder: (self.occluder)(worker.node()), rules: self.rules, watch: self.watch };
         while let Some(receiver) = walk.step() {
             if self.watch.stopped() {
                 return;
@@ -143,6 +144,7 @@ struct Shot<'a, S> {
     source: &'a S,
     occluder: &'a dyn Occluder,
     rules: &'a Rules,
+    watch: &'a Watch,
 }
 
 impl<S: Source<N>, const N: usize> Pair<N> for Shot<'_, S> {
@@ -153,6 +155,8 @@ impl<S: Source<N>, const N: usize> Pair<N> for Shot<'_, S> {
         scratch: &mut Scratch,
         arena: &Arena,
     ) -> Deposited<N> {
-        shoot(self.source, patch, receiver, self.occluder, self.rules, scratch, &Alone(arena))
+        let go_on = || !self.watch.stopped();
+        let alone = &Alone(arena);
+        shoot_while(self.source, patch, receiver, self.occluder, self.rules, scratch, alone, &go_on)
     }
 }
