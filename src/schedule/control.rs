@@ -1,9 +1,9 @@
 //! Error control: passes at decreasing link thresholds until the estimated error meets the target.
 //!
 //! The target is `E ‖B − M‖`, the relative L2 error of reflected radiosity (stricter than the contract's `‖B‖`, which a bright lamp
-//! would dominate). It is divided in squares: `LINK_SHARE` for links, the rest for power left unshot. A cheap pilot pass tells the norm
-//! and how link errors add up; the threshold of the next pass follows from their growth with it. Each pass starts from the solution of the
-//! one before: fine links carry every surface's light once, not shot by shot.
+//! would dominate). How it is divided stands in `budget`. A cheap pilot pass tells the norm and how link errors add up; the threshold of the
+//! next pass follows from their growth with it. Each pass starts from the solution of the one before: fine links carry every surface's light
+//! once, not shot by shot. A coarse target the pilot may meet by itself.
 
 use ccnuma::arena::Memory;
 use ccnuma::{Team, WorkerPanic};
@@ -16,6 +16,7 @@ use crate::transport::{Oracle, Packet, Rules, SampleRules, Source, Work};
 use crate::visibility::Occluder;
 
 use super::batch::Batches;
+use super::budget::Budget;
 use super::copies::Copies;
 use super::crew::Crew;
 use super::footprint::Footprint;
@@ -23,30 +24,6 @@ use super::pass::{Pass, PassStatistics, REFLECTED_SHARE};
 use super::record::Record;
 use super::watch::{Observer, Watch, observed};
 
-/// Share of the error that links may use.
-const LINK_SHARE: f64 = 0.97;
-/// Share of the error that power left unshot may cause; with the links' share it adds up to one in squares.
-const UNSHOT_SHARE: f64 = 0.2;
-/// Share of the error, taken as a deviation at a point, above which a link goes down to elements that others have made: what several links
-/// bring to a corner is smooth in sum only, and sums are exact where all are projected on the same elements.
-const POINT_LIMIT: f64 = 0.003;
-/// Light that is still to come does not spread evenly: RMS over mean.
-const SPREAD: f64 = 1.5;
-/// The root of the sum of squared link errors, times this, is the error of the solution in dark scenes (calibrated on the reference scenes).
-const LINK_CALIBRATION: f64 = 1.4;
-/// Link errors are reflected on. Those of all signs grow with the root of the gain `ρ/(1 − ρ)`, their small mean with the gain itself
-/// (calibrated on furnaces and manufactured solutions at ρ 0.5 to 0.999).
-const REFLECTED: (f64, f64) = (0.4, 0.13);
-/// Below one percent, errors that no sample shows (contacts, thin shadows) fall slower than those of links: the calibration grows with this
-/// power of the target under 0.01.
-const UNSEEN_GROWTH: f64 = 0.25;
-/// A target at or above this may be met by the pilot. Finer ones want a pass that carries every surface's light once: many shots, each
-/// projected for itself, sum up to more than their links show.
-const PILOT_ONLY: f64 = 0.1;
-/// A pilot whose direct light errs by at most this share of the target is to meet it.
-const HOPEFUL: f64 = 0.7;
-/// How much coarser its links may then become: what coarser ones lose, they do not see.
-const COARSEST: f64 = 4.0;
 /// Passes after the pilot, at most.
 const MAX_PASSES: usize = 3;
 
@@ -190,8 +167,7 @@ struct Run<'a, const N: usize> {
     area_m2: f64,
     /// Area-weighted mean over surfaces of the largest reflectance over bands.
     mean_reflectance: f64,
-    /// `ρ/(1 − ρ)` of the RMS reflectance: how much reflected light a watt causes.
-    gain: f64,
+    budget: Budget,
 }
 
 /// Who works, how, and who is told.
@@ -227,7 +203,7 @@ impl<'a, const N: usize> Run<'a, N> {
         let square: f64 = surfaces.iter().map(|s| s.area_m2 * brightest(s) * brightest(s)).sum();
         let rho = if area_m2 > 0.0 { (square / area_m2).sqrt() } else { 0.0 };
         let mean: f64 = surfaces.iter().map(|s| s.area_m2 * brightest(s)).sum::<f64>() / area_m2;
-        let extent = extent_m(scene);
+        let (extent, target, basis) = (extent_m(scene), options.error, options.basis);
         let lamps = scene.lights.iter().map(|light| Lamp::new(light, extent)).collect();
         let emits = |s: &Surface| s.exitance_w_m2.iter().any(|m| *m > 0.0);
         let even = |s: &Surface| Field::even(&s.exitance_w_m2);
@@ -250,43 +226,39 @@ impl<'a, const N: usize> Run<'a, N> {
             emitters,
             area_m2,
             mean_reflectance: mean,
-            gain: rho / (1.0 - rho),
+            budget: Budget { target, basis, gain: rho / (1.0 - rho), root_area_m: area_m2.sqrt() },
         }
     }
 
     fn solve(&self, mut means: Means<'_, '_, '_>) -> Result<Outcome, WorkerPanic> {
         let watch = means.watch;
-        let target = self.options.error;
         let mut work = Work::default();
-        let pilot_error = (4.0 * target).clamp(0.02, 0.3);
-        let guess = self.guess_norm();
-        let threshold = pilot_error * guess / (32.0 * (self.surfaces.len().max(1) as f64).powf(0.25));
+        let (budget, guess) = (self.budget, self.guess_norm());
+        let threshold = budget.first_threshold_w_m(guess, self.surfaces.len());
         watch.pass(0);
         let mut trees = means.crew.grow::<N>(self.surfaces, self.options.basis)?;
-        let mut attempt = self.attempt(&mut trees, threshold, (pilot_error, guess), true, &mut means)?;
+        let first = (budget.pilot_error(), guess);
+        let mut attempt = self.attempt(&mut trees, threshold, first, true, &mut means)?;
         let mut threshold = attempt.threshold_w_m;
         let mut packet_bytes = attempt.statistics.packet_bytes;
         let mut finished = None;
         work += attempt.work();
         let mut passes = 1;
         while passes <= MAX_PASSES && !attempt.statistics.interrupted {
-            let (links, unshot) = (attempt.link_error, attempt.unshot_error);
-            let allowed = LINK_SHARE * target * attempt.norm;
-            if links <= allowed && unshot <= UNSHOT_SHARE * target * attempt.norm * 1.01
-                || attempt.norm == 0.0
-            {
+            let (links, norm) = (attempt.link_error, attempt.norm);
+            if budget.links_suffice(links, norm) && budget.shots_suffice(attempt.unshot_error, norm) {
                 break;
             }
             threshold *= attempt.statistics.growth;
             if links > 0.0 {
                 // Errors of a pilot that mixed states are those of coarse links made many times brighter, and fall faster.
-                let growth = if passes == 1 && attempt.statistics.mixed { 1.0 } else { self.growth() };
-                threshold *= (allowed / links).min(1.0).powf(1.0 / growth).max(1e-4);
+                let growth = if passes == 1 && attempt.statistics.mixed { 1.0 } else { budget.growth() };
+                threshold *= budget.finer(links, norm, growth);
             }
             watch.pass(passes);
             let fields = means.crew.map(&mut trees, |_| true, |tree| tree.field())?;
             let last = attempt;
-            attempt = self.attempt(&mut trees, threshold, (target, attempt.norm), false, &mut means)?;
+            attempt = self.attempt(&mut trees, threshold, (budget.target, norm), false, &mut means)?;
             work += attempt.work();
             packet_bytes = packet_bytes.max(attempt.statistics.packet_bytes);
             if attempt.statistics.interrupted {
@@ -330,7 +302,7 @@ impl<'a, const N: usize> Run<'a, N> {
         if self.area_m2 == 0.0 {
             return 0.0;
         }
-        (emitted + lamps) * self.gain.min(4.0) / self.area_m2.sqrt()
+        (emitted + lamps) * self.budget.gain.min(4.0) / self.budget.root_area_m
     }
 
     /// One pass, which is to err by `error` where the norm is as given. That of a pilot is known by guess only, and of a coarse target put
@@ -343,24 +315,22 @@ impl<'a, const N: usize> Run<'a, N> {
         pilot: bool,
         means: &mut Means<'_, '_, '_>,
     ) -> Result<Attempt, WorkerPanic> {
-        let (target, batches, watch) = (self.options.error, means.batches, means.watch);
+        let (budget, batches, watch) = (self.budget, means.batches, means.watch);
+        let link_error = |statistics: &PassStatistics| budget.link_error_w_m(statistics.error_squared);
         let aim_w_m = error * norm_w_m;
         let rules = self.rules(threshold_w_m, aim_w_m);
         let pass = self.pass((&rules, !pilot), (error, norm_w_m), &means.occluders, batches);
         let (mut statistics, reflected) = pass.illuminate(trees, means.crew, watch)?;
         if self.options.direct_only {
-            let norm = self.norm(trees, means.crew)?;
-            let link_error = self.link_error(&statistics);
+            let (norm, link_error) = (self.norm(trees, means.crew)?, link_error(&statistics));
             return Ok(Attempt { statistics, threshold_w_m, norm, link_error, unshot_error: 0.0 });
         }
-        let may_suffice = pilot && target >= PILOT_ONLY && !pass.mixes();
+        let may_suffice = pilot && budget.pilot_may_suffice() && !pass.mixes();
         if may_suffice {
             norm_w_m = self.norm(trees, means.crew)?;
-            let (found, wanted) = (self.link_error(&statistics), target * norm_w_m);
-            if found <= HOPEFUL * wanted {
-                // The target may be within reach at once, and with links no finer than it takes.
-                threshold_w_m *= (wanted / found).powf(1.0 / self.growth()).clamp(1.0, COARSEST);
-                error = target;
+            if let Some(coarser) = budget.coarser(link_error(&statistics), norm_w_m) {
+                threshold_w_m *= coarser;
+                error = budget.target;
             }
         }
         let rules = self.rules(threshold_w_m, aim_w_m);
@@ -369,9 +339,9 @@ impl<'a, const N: usize> Run<'a, N> {
         let mut shot_w = pass.reflect(trees, reflected, means.crew, watch, &mut statistics)?;
         pass.interreflect(trees, (done, &mut shot_w), means.crew, watch, &mut statistics)?;
         let norm_w_m = self.norm(trees, means.crew)?;
-        if may_suffice && self.link_error(&statistics) <= LINK_SHARE * target * norm_w_m {
+        if may_suffice && budget.links_suffice(link_error(&statistics), norm_w_m) {
             // Links are good enough already: what is left to send need not wait for another pass.
-            let pass = self.pass((&rules, !pilot), (target, norm_w_m), &means.occluders, batches);
+            let pass = self.pass((&rules, !pilot), (budget.target, norm_w_m), &means.occluders, batches);
             pass.interreflect(trees, (1.0, &mut shot_w), means.crew, watch, &mut statistics)?;
         }
         add_ambient(trees, &shot_w);
@@ -379,23 +349,18 @@ impl<'a, const N: usize> Run<'a, N> {
             statistics,
             threshold_w_m,
             norm: self.norm(trees, means.crew)?,
-            link_error: self.link_error(&statistics),
-            unshot_error: SPREAD * statistics.unshot_w * self.gain / self.area_m2.sqrt(),
+            link_error: link_error(&statistics),
+            unshot_error: budget.unshot_error_w_m(statistics.unshot_w),
         })
     }
 
     fn rules(&self, threshold_w_m: f64, allowed_w_m: f64) -> Rules {
-        let root_area = self.area_m2.sqrt();
         Rules {
             oracle: self.options.oracle,
             threshold_w_m,
-            reference_w_m2: self.guess_norm() / root_area,
+            reference_w_m2: self.guess_norm() / self.budget.root_area_m,
             least_reflectance: self.mean_reflectance,
-            point_w_m2: match self.options.basis {
-                // Constants deviate everywhere: all links would go down all the way.
-                Basis::Haar => f64::INFINITY,
-                Basis::M2 | Basis::M3 => POINT_LIMIT * allowed_w_m / root_area,
-            },
+            point_w_m2: self.budget.point_w_m2(allowed_w_m),
             samples: SampleRules::new(self.options.basis),
         }
     }
@@ -407,7 +372,7 @@ impl<'a, const N: usize> Run<'a, N> {
         occluders: &'b Copies<Box<dyn Occluder + Send>>,
         batches: Batches,
     ) -> Pass<'b, N> {
-        let (root_area, allowed_w_m) = (self.area_m2.sqrt(), error * norm_w_m);
+        let allowed_w_m = error * norm_w_m;
         Pass {
             lamps: &self.lamps,
             emitters: &self.emitters,
@@ -417,9 +382,9 @@ impl<'a, const N: usize> Run<'a, N> {
             lit,
             direct_only: self.options.direct_only,
             norm_w_m,
-            gain: self.gain,
-            stop_w: UNSHOT_SHARE * allowed_w_m * root_area / (SPREAD * self.gain.max(1e-9)),
-            prune_w_m2: 0.02 * allowed_w_m / root_area,
+            gain: self.budget.gain,
+            stop_w: self.budget.stop_w(allowed_w_m),
+            prune_w_m2: self.budget.prune_w_m2(allowed_w_m),
             batches,
         }
     }
@@ -428,23 +393,6 @@ impl<'a, const N: usize> Run<'a, N> {
     fn norm(&self, trees: &mut [Tree<N>], crew: &mut Crew<'_>) -> Result<f64, WorkerPanic> {
         let squares = crew.map(trees, |_| true, |tree| tree.reflected_norm_squared())?;
         Ok(squares.iter().sum::<f64>().sqrt())
-    }
-
-    /// What the errors of links come to in the solution, in W/m.
-    fn link_error(&self, statistics: &PassStatistics) -> f64 {
-        let unseen = (0.01 / self.options.error).max(1.0).powf(UNSEEN_GROWTH);
-        let reflected = (REFLECTED.0 * self.gain.sqrt()).hypot(REFLECTED.1 * self.gain);
-        let calibration = LINK_CALIBRATION * reflected.hypot(1.0) * unseen;
-        calibration * statistics.error_squared.sqrt()
-    }
-
-    /// Link errors grow with this power of the threshold, which depends on the order (measured).
-    fn growth(&self) -> f64 {
-        match self.options.basis {
-            Basis::Haar => 0.5,
-            Basis::M2 => 0.6,
-            Basis::M3 => 0.65,
-        }
     }
 
     fn outcome(

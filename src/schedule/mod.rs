@@ -1,7 +1,7 @@
 //! Schedules: who computes which pair when. The sequential one is the specification of the others.
 //!
-//! A run is a few passes ([`control`]), a pass a sequence of batches ([`pass`], [`batch`]), and a batch one task per receiver, which a
-//! crew runs: one thread, or a team that steals from each other, with receivers at home on nodes ([`homes`]),
+//! A run is a few passes ([`control`], which divides the error by a budget), a pass a sequence of batches ([`pass`], [`batch`]), and a batch
+//! one task per receiver, which a crew runs: one thread, or a team that steals from each other, with receivers at home on nodes ([`homes`]),
 //! their trees in arenas there, and what all read copied to each ([`copies`]); [`footprint`] says what that takes and where it lies.
 //!
 //! | schedule | crew | batches |
@@ -12,6 +12,7 @@
 //! | `single-queue`, `outer-loop`, the paper's, each also with `+lure` | a team | none: [`walks`] |
 
 pub mod batch;
+mod budget;
 pub mod control;
 mod copies;
 mod crew;
