@@ -8,6 +8,7 @@ use ccnuma::WorkerPanic;
 
 use crate::radiosity::{Power, Tree};
 
+use super::batch::brightest;
 use super::crew::Crew;
 
 /// States are mixed in scenes of this gain `ρ/(1 − ρ)` or more.
@@ -26,17 +27,11 @@ const FADES: (f64, u32) = (0.7, 20);
 /// Who shoots where states are mixed: all but the dimmest, for light that only some have sent is uneven, and fades the slower. `stop_w` is
 /// the power in W that may be left unshot.
 pub(super) fn shooters<const N: usize>(trees: &[Tree<N>], stop_w: f64) -> Vec<usize> {
-    let mut left: f64 = trees.iter().map(|tree| tree.unshot_w).sum();
+    let left: f64 = trees.iter().map(|tree| tree.unshot_w).sum();
     let kept = (KEPT * left).max(0.5 * stop_w);
-    let mut order: Vec<usize> = (0..trees.len()).collect();
-    order.sort_by(|a, b| trees[*b].unshot_w.total_cmp(&trees[*a].unshot_w).then(a.cmp(b)));
-    order.retain(|i| {
-        let shoots = left > kept;
-        left -= trees[*i].unshot_w;
-        shoots
-    });
-    order.sort_unstable();
-    order
+    let mut shooters = brightest(trees, kept);
+    shooters.sort_unstable();
+    shooters
 }
 
 /// Looks after every batch whether to mix.
