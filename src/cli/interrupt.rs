@@ -1,20 +1,27 @@
-//! Ctrl-C: the first asks the run to stop and write what is done, the second ends the program at once.
+//! Ctrl-C: the first asks the run to stop and write what is done, a later one ends the program at once.
+//!
+//! One press may come twice: `timeout` and batch systems signal the program, and then the group that it is in.
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::OnceLock;
+use std::time::{Duration, Instant};
 
 /// The exit code of interrupted runs: 128 and the number of SIGINT.
 pub(super) const EXIT_CODE: u8 = 130;
 
-static REQUESTED: AtomicBool = AtomicBool::new(false);
+/// What comes this soon after the first is the same press.
+const SAME_PRESS: Duration = Duration::from_secs(1);
+
+static FIRST: OnceLock<Instant> = OnceLock::new();
 
 /// Takes over Ctrl-C; `quiet` keeps the handler silent.
 pub(super) fn install(quiet: bool) {
     let installed = ctrlc::set_handler(move || {
-        // Relaxed: the flag carries no data with it, and a swap is one step for both presses.
-        if REQUESTED.swap(true, Ordering::Relaxed) {
+        let now = Instant::now();
+        let first = *FIRST.get_or_init(|| now);
+        if now.duration_since(first) > SAME_PRESS {
             std::process::exit(i32::from(EXIT_CODE));
         }
-        if !quiet {
+        if first == now && !quiet {
             eprintln!("\nwrad: stopping and writing what is done; Ctrl-C again ends at once");
         }
     });
@@ -25,5 +32,5 @@ pub(super) fn install(quiet: bool) {
 
 /// Whether the user asked to stop.
 pub(super) fn requested() -> bool {
-    REQUESTED.load(Ordering::Relaxed)
+    FIRST.get().is_some()
 }
