@@ -218,7 +218,7 @@ fn every_locking_schedule_is_as_good(room: &Room) {
 
 #[test]
 fn locking_schedules_solve_the_cornell_box_within_the_error() {
-    every_locking_schedule_is_as_good(&Room::new("cornell-box", Basis::M3, 0.1));
+    every_locking_schedule_is_as_good(&Room::new("cornell-box", Basis::M3, 0.05));
 }
 
 #[test]
