@@ -20,7 +20,7 @@ use super::budget::Budget;
 use super::copies::Copies;
 use super::crew::Crew;
 use super::footprint::Footprint;
-use super::pass::{Pass, PassStatistics, REFLECTED_SHARE};
+use super::pass::{Pass, PassStatistics, REFLECTED_SHARE, reflected_norm};
 use super::record::Record;
 use super::watch::{Observer, Watch, observed};
 
@@ -322,12 +322,12 @@ impl<'a, const N: usize> Run<'a, N> {
         let pass = self.pass((&rules, !pilot), (error, norm_w_m), &means.occluders, batches);
         let (mut statistics, reflected) = pass.illuminate(trees, means.crew, watch)?;
         if self.options.direct_only {
-            let (norm, link_error) = (self.norm(trees, means.crew)?, link_error(&statistics));
+            let (norm, link_error) = (reflected_norm(trees, means.crew)?, link_error(&statistics));
             return Ok(Attempt { statistics, threshold_w_m, norm, link_error, unshot_error: 0.0 });
         }
         let may_suffice = pilot && budget.pilot_may_suffice() && !pass.mixes();
         if may_suffice {
-            norm_w_m = self.norm(trees, means.crew)?;
+            norm_w_m = reflected_norm(trees, means.crew)?;
             if let Some(coarser) = budget.coarser(link_error(&statistics), norm_w_m) {
                 threshold_w_m *= coarser;
                 error = budget.target;
@@ -338,17 +338,19 @@ impl<'a, const N: usize> Run<'a, N> {
         let done = if reflected.is_empty() { 0.0 } else { REFLECTED_SHARE };
         let mut shot_w = pass.reflect(trees, reflected, means.crew, watch, &mut statistics)?;
         pass.interreflect(trees, (done, &mut shot_w), means.crew, watch, &mut statistics)?;
-        let norm_w_m = self.norm(trees, means.crew)?;
-        if may_suffice && budget.links_suffice(link_error(&statistics), norm_w_m) {
-            // Links are good enough already: what is left to send need not wait for another pass.
-            let pass = self.pass((&rules, !pilot), (budget.target, norm_w_m), &means.occluders, batches);
-            pass.interreflect(trees, (1.0, &mut shot_w), means.crew, watch, &mut statistics)?;
+        if may_suffice {
+            let norm_w_m = reflected_norm(trees, means.crew)?;
+            if budget.links_suffice(link_error(&statistics), norm_w_m) {
+                // Links are good enough already: what is left to send need not wait for another pass.
+                let pass = self.pass((&rules, !pilot), (budget.target, norm_w_m), &means.occluders, batches);
+                pass.interreflect(trees, (1.0, &mut shot_w), means.crew, watch, &mut statistics)?;
+            }
         }
         add_ambient(trees, &shot_w);
         Ok(Attempt {
             statistics,
             threshold_w_m,
-            norm: self.norm(trees, means.crew)?,
+            norm: reflected_norm(trees, means.crew)?,
             link_error: link_error(&statistics),
             unshot_error: budget.unshot_error_w_m(statistics.unshot_w),
         })
@@ -387,12 +389,6 @@ impl<'a, const N: usize> Run<'a, N> {
             prune_w_m2: self.budget.prune_w_m2(allowed_w_m),
             batches,
         }
-    }
-
-    /// The norm of reflected radiosity in W/m.
-    fn norm(&self, trees: &mut [Tree<N>], crew: &mut Crew<'_>) -> Result<f64, WorkerPanic> {
-        let squares = crew.map(trees, |_| true, |tree| tree.reflected_norm_squared())?;
-        Ok(squares.iter().sum::<f64>().sqrt())
     }
 
     fn outcome(

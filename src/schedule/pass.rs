@@ -263,8 +263,7 @@ impl<const N: usize> Pass<'_, N> {
                     Look::Stuck => return Ok(()),
                     Look::Mixed => {
                         statistics.mixed = true;
-                        let squares = crew.map(trees, |_| true, |tree| tree.reflected_norm_squared())?;
-                        let growth = squares.iter().sum::<f64>().sqrt() / self.norm_w_m;
+                        let growth = reflected_norm(trees, crew)? / self.norm_w_m;
                         if growth <= FAR_TOO_LOW {
                             continue;
                         }
@@ -399,6 +398,15 @@ impl<const N: usize> Pass<'_, N> {
         statistics.batches += (walked.shots > 0) as u64;
         Ok(Some(walked.shot_w))
     }
+}
+
+/// The norm of reflected radiosity in W/m, all surfaces.
+pub(super) fn reflected_norm<const N: usize>(
+    trees: &mut [Tree<N>],
+    crew: &mut Crew<'_>,
+) -> Result<f64, WorkerPanic> {
+    let squares = crew.map(trees, |_| true, |tree| tree.reflected_norm_squared())?;
+    Ok(squares.iter().sum::<f64>().sqrt())
 }
 
 /// Power left to shoot in W, all surfaces.
