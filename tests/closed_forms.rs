@@ -12,7 +12,7 @@ use wavelet_radiosity::radiosity::probe::{Probe, read_probes};
 use wavelet_radiosity::radiosity::trees;
 use wavelet_radiosity::scene::{self, Light, Scene};
 use wavelet_radiosity::schedule::{Options, Outcome, Silent, solve};
-use wavelet_radiosity::transport::{Alone, Oracle, Rules, SampleRules, Scratch, shoot, shoot_while};
+use wavelet_radiosity::transport::{Alone, Oracle, Rules, SampleRules, Scratch, Task};
 use wavelet_radiosity::visibility::{Bvh, Occluder, OpaqueFaces};
 
 const BASES: [Basis; 3] = [Basis::Haar, Basis::M2, Basis::M3];
@@ -173,7 +173,8 @@ fn form_factor(emitter: &[[f64; 3]], receiver: &[[f64; 3]], basis: Basis, thresh
     };
     let tree = &mut trees[1];
     let (helpers, mut scratch) = (Alone(&arena), Scratch::default());
-    let deposited = shoot(&packet, &tree.patch, &mut tree.root, &bvh, &rules, &mut scratch, &helpers);
+    let task = Task { patch: &tree.patch, occluder: &bvh, rules: &rules, go_on: &|| true };
+    let deposited = task.shoot((&[packet], None), &mut tree.root, &mut scratch, &helpers);
     deposited.received_w[0] / tree.area_m2
 }
 
@@ -226,7 +227,8 @@ fn uniform_error(basis: Basis, depth: u8) -> f64 {
         samples: SampleRules::new(basis),
     };
     let tree = &mut trees[1];
-    shoot(&packet, &tree.patch, &mut tree.root, &bvh, &rules, &mut Scratch::default(), &Alone(&arena));
+    let task = Task { patch: &tree.patch, occluder: &bvh, rules: &rules, go_on: &|| true };
+    task.shoot((&[packet], None), &mut tree.root, &mut Scratch::default(), &Alone(&arena));
     let field = tree.field();
     let corners = lamp.map(DVec3::from_array);
     let (mut sum, n) = (0.0, 97);
@@ -286,8 +288,8 @@ fn a_pair_ends_in_the_middle_when_told_to() {
     let asked = AtomicUsize::new(0);
     let go_on = || asked.fetch_add(1, Relaxed) < 40;
     let (helpers, mut scratch) = (Alone(&arena), Scratch::default());
-    let deposited =
-        shoot_while(&packet, &tree.patch, &mut tree.root, &bvh, &rules, &mut scratch, &helpers, &go_on);
+    let task = Task { patch: &tree.patch, occluder: &bvh, rules: &rules, go_on: &go_on };
+    let deposited = task.shoot((&[packet], None), &mut tree.root, &mut scratch, &helpers);
     assert!(scratch.work.interactions <= 40, "{} links", scratch.work.interactions);
     let in_tree: f64 = {
         let mut power_w = 0.0;

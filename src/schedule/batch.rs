@@ -1,9 +1,9 @@
-//! A batch: sources that one receiver takes in order before the next receiver does, and the choice of who shoots next.
+//! A batch: sources that each receiver takes together, and the choice of who shoots next.
 //!
 //! Everything a batch changes belongs to one receiver, so the order of receivers, and who takes which, does not show in the result.
 
 use crate::radiosity::Tree;
-use crate::transport::{Clusters, Helpers, Lamp, Packet, Packets, Rules, Scratch, shoot_while};
+use crate::transport::{Clusters, Helpers, Lamp, Packet, Rules, Scratch, Task};
 use crate::visibility::Occluder;
 
 use super::walks::Walks;
@@ -17,7 +17,7 @@ const LARGEST_SHARE: f64 = 0.1;
 /// Who joins a batch has at least this share of the brightest's power.
 const LEAST_POWER: f64 = 0.25;
 
-/// From this many lit surfaces on they cluster ([`Packets`]), and a batch costs less than its shooters one by one: all but the dimmest shoot.
+/// From this many lit surfaces on they cluster ([`Clusters`]), and a batch costs less than its shooters one by one: all but the dimmest shoot.
 const MANY: usize = 256;
 
 /// Share of the unshot power that the dimmest keep then.
@@ -98,7 +98,7 @@ impl<const N: usize> Batch<'_, N> {
         self.len() == 0
     }
 
-    /// Shoots all sources to one receiver, in order, until told to stop.
+    /// Shoots all sources to one receiver, until told to stop.
     pub(super) fn light(
         &self,
         tree: &mut Tree<N>,
@@ -107,16 +107,12 @@ impl<const N: usize> Batch<'_, N> {
         helpers: &dyn Helpers,
         watch: &Watch,
     ) {
-        let go_on = || !watch.stopped();
-        for lamp in self.lamps.iter().take_while(|_| go_on()) {
-            let Tree { patch, root, .. } = &mut *tree;
-            let deposited = shoot_while(lamp, patch, root, occluder, rules, scratch, helpers, &go_on);
-            tree.book(&deposited);
-        }
-        let Tree { patch, root, .. } = tree;
-        let packets = Packets { packets: self.packets, clusters: self.clusters };
-        let deposited = packets.shoot(patch, root, occluder, rules, scratch, helpers, &go_on);
-        tree.book(&deposited);
+        let Tree { patch, root, .. } = &mut *tree;
+        let task = Task { patch, occluder, rules, go_on: &|| !watch.stopped() };
+        let of_lamps = task.shoot((self.lamps, None), root, scratch, helpers);
+        let of_packets = task.shoot((self.packets, self.clusters), root, scratch, helpers);
+        tree.book(&of_lamps);
+        tree.book(&of_packets);
         tree.work += std::mem::take(&mut scratch.work);
         watch.part_done();
     }

@@ -1,14 +1,17 @@
 //! One link: the light of a source on one element, sampled, projected, and judged at points that are not nodes.
 
+use std::cell::OnceCell;
+
 use glam::{DVec2, DVec3};
 
 use super::candidates::Candidates;
-use super::gather::{Tolerance, norm};
+use super::descent::Aim;
+use super::gather::{Points, Tolerance, norm};
 use super::packet::Shape;
-use super::pair::{COARSE, Oracle, Shoot};
-use super::receiver::{Receiver, Waiting};
-use super::samples::{MAX_SAMPLES, Projected, SampleRule};
+use super::pair::{COARSE, Oracle, Scratch, Task};
+use super::samples::{MAX_SAMPLES, Projected, SampleRule, SampleRules};
 use super::source::Source;
+use crate::math::basis::MAX_FUNCTIONS;
 use crate::math::{Cell, Split, polygon};
 use crate::scene::Frame;
 
@@ -39,12 +42,50 @@ const SHARPEST: f64 = 1e-6;
 /// Cells are not divided below this extent of the surface's parametrisation.
 const LEAST_EXTENT: f64 = 1.0 / (1 << 20) as f64;
 
-/// The sample points of one element.
+/// An element of a receiver.
+pub(super) struct Element<'a> {
+    pub cell: Cell,
+    /// Its corners.
+    pub hull: [DVec3; 4],
+    pub shape: Shape<&'a [DVec2]>,
+    /// Area of what lies on the polygon, in m².
+    pub area_m2: f64,
+    /// Whether it is divided already.
+    pub split: Option<Split>,
+}
+
+/// What becomes of a link.
+pub(super) enum Verdict<const N: usize> {
+    /// It may stay.
+    Linked {
+        /// Irradiance, by its coefficients, in W/m².
+        light: [[f64; N]; MAX_FUNCTIONS],
+        /// Squared link error in W²/m².
+        error_squared: f64,
+        /// Whether it must go down to finer elements if there are any.
+        deviates: bool,
+    },
+    /// It goes down to the parts that are there.
+    Down,
+    /// The element must be divided.
+    Rough(Split),
+}
+
+/// The sample points of an element by one rule.
 struct Sampling {
     count: usize,
     position: [DVec3; MAX_SAMPLES],
     eye: [DVec3; MAX_SAMPLES],
     inside: u32,
+}
+
+/// The sample points of an element, made when first asked for; sources share them.
+pub(super) struct Samplings<'a> {
+    element: &'a Element<'a>,
+    frame: &'a Frame,
+    rules: &'a SampleRules,
+    /// By whether they are few, and whether they extend beyond the polygon.
+    made: [[OnceCell<Sampling>; 2]; 2],
 }
 
 /// What sampling an element showed; errors of radiosity and irradiances in W/m².
@@ -57,12 +98,8 @@ struct Look<const N: usize> {
     light: f64,
 }
 
-/// An element that a link is tried on, and what the link may lose there.
-struct Trial<'a> {
-    cell: &'a Cell,
-    hull: &'a [DVec3; 4],
-    candidates: Candidates,
-    area_m2: f64,
+/// What a link may lose.
+struct Allowance {
     /// Deviation at a point above which the link goes down to finer elements that are there.
     point_w_m2: f64,
     /// The sharpest tolerance of sample points that makes sense.
@@ -71,76 +108,81 @@ struct Trial<'a> {
     hideable: f64,
     /// Whether the link is to be taken whatever its error.
     forced: bool,
+    /// Whether the element is known to be divided.
+    divided: bool,
 }
 
-/// What came of a trial.
-enum Verdict<const N: usize> {
-    /// The light is deposited.
-    Linked,
-    /// The link goes down to the parts that are there.
-    Down(Split),
+/// What came of a look.
+enum Found<const N: usize> {
+    /// That is all there is to know.
+    Verdict(Verdict<N>),
     /// A sharper look is wanted; the light seen in W/m².
     Sharper(f64),
     /// The element must be divided.
     Rough(Look<N>),
 }
 
-impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
-    /// Samples the element; deposits its projection and returns `None`, or returns how to divide it.
-    pub(super) fn try_link<R: Receiver<N>>(
-        &mut self,
-        receiver: &mut R,
-        cell: &Cell,
-        hull: &[DVec3; 4],
-        candidates: Candidates,
-    ) -> Option<Split> {
-        let area_m2 = self.patch.frame.area_m2 * cell.area() * receiver.shape().share();
-        let weight = self.weight * area_m2.sqrt();
+/// A link to be judged.
+pub(super) struct Link<'a, 's, const N: usize, S> {
+    pub task: Task<'a, N>,
+    /// What an error of irradiance counts.
+    pub weight: f64,
+    pub aim: &'a Aim<'a, S>,
+    pub element: &'s Element<'s>,
+    pub samplings: &'s Samplings<'s>,
+    pub candidates: Candidates,
+    pub scratch: &'s mut Scratch,
+}
+
+impl<const N: usize, S: Source<N>> Link<'_, '_, N, S> {
+    /// Samples the element, which is known to be `divided` or not.
+    pub fn judge(mut self, divided: bool) -> Verdict<N> {
+        let (element, candidates) = (self.element, self.candidates);
+        let weight = self.weight * element.area_m2.sqrt();
         // Where several sources' light is smooth in sum only, noise would show at points long before it counts in the mean square.
-        let point_w_m2 = self.rules.point_w_m2;
+        let point_w_m2 = self.task.rules.point_w_m2;
         let (point_w_m2, quiet_w_m2) = match candidates {
             Candidates::Free => (point_w_m2, POINT_NOISE * point_w_m2),
             _ => (SHADED * point_w_m2, f64::INFINITY),
         };
-        let strict_w_m2 = (POINT_SHARE * self.threshold).min(quiet_w_m2 * area_m2.sqrt()) / weight;
-        let middle = 0.25 * hull.iter().sum::<DVec3>();
-        let radius = hull.iter().map(|p| p.distance(middle)).fold(0.0, f64::max);
-        let estimate = self.source.estimate_w_m2(middle, radius, self.patch.frame.normal);
-        let hideable = self.hideable(cell, candidates);
-        let uniform = matches!(self.rules.oracle, Oracle::Uniform(_));
-        let indivisible = cell.size.max_element() <= LEAST_EXTENT;
-        let forced = uniform || indivisible;
-        let trial = Trial { cell, hull, candidates, area_m2, point_w_m2, strict_w_m2, hideable, forced };
-        let rules = self.rules;
+        let strict_w_m2 =
+            (POINT_SHARE * self.aim.threshold).min(quiet_w_m2 * element.area_m2.sqrt()) / weight;
+        let middle = 0.25 * element.hull.iter().sum::<DVec3>();
+        let radius = element.hull.iter().map(|p| p.distance(middle)).fold(0.0, f64::max);
+        let estimate = self.aim.source.estimate_w_m2(middle, radius, self.task.patch.frame.normal);
+        let hideable = self.hideable();
+        let uniform = matches!(self.task.rules.oracle, Oracle::Uniform(_));
+        let forced = uniform || self.is_indivisible();
+        let allowance = Allowance { point_w_m2, strict_w_m2, hideable, forced, divided };
+        let samplings = self.samplings;
         // What nothing shades costs no rays, and must be smooth in the sum over sources.
         if candidates != Candidates::Free && !forced {
-            if weight * estimate <= MODEST * self.threshold {
+            if weight * estimate <= MODEST * self.aim.threshold {
                 let tolerance = Tolerance { relative: SHARPEST, absolute_w_m2: strict_w_m2 };
-                let rule = &rules.samples.modest;
-                let sampling = self.sample(rule, receiver.shape(), cell);
-                match self.judge(receiver, &trial, (rule, &sampling), MODEST_UNSEEN, tolerance) {
-                    Verdict::Linked => return None,
-                    Verdict::Down(split) => return Some(split),
-                    Verdict::Sharper(_) | Verdict::Rough(_) => {}
+                let rule = &self.task.rules.samples.modest;
+                let sampling = samplings.modest(self.aim.extend);
+                if let Found::Verdict(verdict) =
+                    self.look_at((rule, sampling), &allowance, MODEST_UNSEEN, tolerance)
+                {
+                    return verdict;
                 }
             } else {
                 let unseen = 0.7 * hideable * self.glance(&middle, estimate);
-                if weight * unseen > self.threshold {
-                    return Some(self.longer_side(cell));
+                if weight * unseen > self.aim.threshold {
+                    return Verdict::Rough(self.longer_side());
                 }
             }
         }
         // A first look, only as sharp as it takes to see that the element must be divided.
         let mut tolerance =
             Tolerance { relative: COARSE, absolute_w_m2: (COARSE * estimate).max(strict_w_m2) };
-        let rule = &rules.samples.full;
-        let sampling = self.sample(rule, receiver.shape(), cell);
+        let rule = &self.task.rules.samples.full;
+        let sampling = samplings.full(self.aim.extend);
         loop {
-            match self.judge(receiver, &trial, (rule, &sampling), 1.0, tolerance) {
-                Verdict::Linked => return None,
-                Verdict::Down(split) => return Some(split),
-                Verdict::Rough(look) => return Some(self.direction(cell, &look)),
-                Verdict::Sharper(light) => {
+            match self.look_at((rule, sampling), &allowance, 1.0, tolerance) {
+                Found::Verdict(verdict) => return verdict,
+                Found::Rough(look) => return Verdict::Rough(self.direction(&look)),
+                Found::Sharper(light) => {
                     let absolute_w_m2 = (SHARPER * tolerance.absolute_w_m2.min(light)).max(strict_w_m2);
                     let relative = (absolute_w_m2 / light).clamp(SHARPEST, COARSE);
                     tolerance = Tolerance { relative, absolute_w_m2 };
@@ -149,54 +191,50 @@ impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
         }
     }
 
-    /// Looks at the element by a rule between whose points `unseen` times more may hide than between the full one's, and links if that will
-    /// do.
-    fn judge<R: Receiver<N>>(
+    /// Looks at the element by a rule between whose points `unseen` times more may hide than between the full one's.
+    fn look_at(
         &mut self,
-        receiver: &mut R,
-        trial: &Trial<'_>,
         (rule, sampling): (&SampleRule, &Sampling),
+        allowance: &Allowance,
         unseen: f64,
         tolerance: Tolerance,
-    ) -> Verdict<N> {
-        let look = self.look(rule, sampling, trial, tolerance, receiver.shape() == Shape::Whole);
-        let root_area = trial.area_m2.sqrt();
+    ) -> Found<N> {
+        let look = self.look(rule, sampling, tolerance);
+        let root_area = self.element.area_m2.sqrt();
         let link_error = root_area * look.error;
-        let sharp = tolerance.absolute_w_m2.max(tolerance.relative * look.light) <= 1.001 * trial.strict_w_m2
+        let sharp = tolerance.absolute_w_m2.max(tolerance.relative * look.light)
+            <= 1.001 * allowance.strict_w_m2
             || tolerance.relative <= SHARPEST;
         // What the look may be wrong by must not divide the element.
         let noise_w_m2 = if sharp { 0.0 } else { self.weight * tolerance.absolute_w_m2 };
-        let hidden = unseen * trial.hideable * root_area * look.unseen;
-        if !trial.forced && link_error.hypot(hidden) > self.threshold + root_area * noise_w_m2 {
-            return Verdict::Rough(look);
+        let hidden = unseen * allowance.hideable * root_area * look.unseen;
+        if !allowance.forced && link_error.hypot(hidden) > self.aim.threshold + root_area * noise_w_m2 {
+            return Found::Rough(look);
         }
-        let deviates = look.worst > trial.point_w_m2 + noise_w_m2;
-        if let Some(split) = receiver.split().filter(|_| deviates) {
-            return Verdict::Down(split);
+        let deviates = look.worst > allowance.point_w_m2 + noise_w_m2;
+        if deviates && allowance.divided {
+            return Found::Verdict(Verdict::Down);
         }
         if !sharp {
-            return Verdict::Sharper(look.light);
+            return Found::Sharper(look.light);
         }
-        self.scratch.work.interactions += 1;
         let (light, error_squared) = (look.projected.coefficients, link_error * link_error);
-        self.deposited.error_squared += error_squared;
-        self.deposit(receiver, &light, trial.area_m2);
-        let indivisible = trial.cell.size.max_element() <= LEAST_EXTENT;
-        if deviates && trial.candidates == Candidates::Free && !indivisible {
-            let (cell, area_m2) = (*trial.cell, trial.area_m2);
-            self.deposited.waiting.push(Waiting { cell, light, area_m2, error_squared });
-        }
-        Verdict::Linked
+        Found::Verdict(Verdict::Linked { light, error_squared, deviates })
+    }
+
+    /// Cells are not divided for ever.
+    fn is_indivisible(&self) -> bool {
+        self.element.cell.size.max_element() <= LEAST_EXTENT
     }
 
     /// Share of the light on an element that shadows between its sample points may take: narrow blockers cast narrow shadows.
-    fn hideable(&self, cell: &Cell, candidates: Candidates) -> f64 {
-        let Candidates::List(start, end) = candidates else { return UNSEEN_SHADOW };
-        let faces = self.occluder.faces();
+    fn hideable(&self) -> f64 {
+        let Candidates::List(start, end) = self.candidates else { return UNSEEN_SHADOW };
+        let faces = self.task.occluder.faces();
         let list = &self.scratch.candidates[start..end];
         let narrowest = list.iter().map(|f| faces.width(*f)).fold(f64::INFINITY, f64::min);
-        let (u, v) = (self.patch.frame.u * cell.size.x, self.patch.frame.v * cell.size.y);
-        let half = 0.5 * u.length().max(v.length());
+        let (u, v) = self.sides_m();
+        let half = 0.5 * u.max(v);
         UNSEEN_SHADOW * (half / narrowest).min(1.0).powi(2)
     }
 
@@ -205,33 +243,19 @@ impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
         let point = std::slice::from_ref(middle);
         let tolerance = Tolerance { relative: 0.2, absolute_w_m2: 0.05 * estimate };
         let mut light = [[0.0; N]];
-        self.gather(point, point, point, Candidates::Free, tolerance, &mut light, &mut [0.0]);
+        self.gather((point, point, point), Candidates::Free, tolerance, &mut light, &mut [0.0]);
         norm(&light[0])
     }
 
     /// Samples the element once.
-    fn look(
-        &mut self,
-        rule: &SampleRule,
-        sampling: &Sampling,
-        trial: &Trial<'_>,
-        tolerance: Tolerance,
-        whole: bool,
-    ) -> Look<N> {
+    fn look(&mut self, rule: &SampleRule, sampling: &Sampling, tolerance: Tolerance) -> Look<N> {
         let mut values = [[0.0; N]; MAX_SAMPLES];
         let mut uncertain = [0.0; MAX_SAMPLES];
         let n = sampling.count;
-        self.gather(
-            &sampling.position[..n],
-            &sampling.eye[..n],
-            trial.hull,
-            trial.candidates,
-            tolerance,
-            &mut values[..n],
-            &mut uncertain[..n],
-        );
+        let points = (&sampling.position[..n], &sampling.eye[..n], &self.element.hull[..]);
+        self.gather(points, self.candidates, tolerance, &mut values[..n], &mut uncertain[..n]);
         let projected = rule.project(&values[..n]);
-        let (error, worst) = self.residual(rule, sampling, &projected, &values, whole);
+        let (error, worst) = self.residual(rule, sampling, &projected, &values);
         let unseen = self.weight * mean_square(&uncertain[..n], sampling.inside).sqrt();
         let light = values[..n].iter().map(norm).fold(0.0, f64::max);
         Look { projected, error, worst, unseen, light }
@@ -244,8 +268,8 @@ impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
         sampling: &Sampling,
         projected: &Projected<N>,
         values: &[[f64; N]; MAX_SAMPLES],
-        whole: bool,
     ) -> (f64, f64) {
+        let whole = self.element.shape == Shape::Whole;
         let tests = if whole { rule.nodes..sampling.count } else { 0..sampling.count };
         let (mut sum, mut count, mut worst) = (0.0, 0, 0.0f64);
         for p in tests.filter(|p| sampling.inside & (1 << p) != 0) {
@@ -261,7 +285,7 @@ impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
     }
 
     /// Across which direction the error asks to divide; both where it does not say.
-    fn direction(&self, cell: &Cell, look: &Look<N>) -> Split {
+    fn direction(&self, look: &Look<N>) -> Split {
         let (u, v) = look.projected.beyond;
         if self.weight * u.max(v) > 0.3 * look.error {
             if u > 4.0 * v {
@@ -271,24 +295,58 @@ impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
                 return Split::V;
             }
         }
-        self.longer_side(cell)
+        self.longer_side()
     }
 
     /// Across the longer side of a slender cell, else both.
-    pub(super) fn longer_side(&self, cell: &Cell) -> Split {
-        let du = self.patch.frame.u.length() * cell.size.x;
-        let dv = self.patch.frame.v.length() * cell.size.y;
-        if du > 3.0 * dv {
+    fn longer_side(&self) -> Split {
+        let (u, v) = self.sides_m();
+        if u > 3.0 * v {
             Split::U
-        } else if dv > 3.0 * du {
+        } else if v > 3.0 * u {
             Split::V
         } else {
             Split::Both
         }
     }
 
-    fn sample(&self, rule: &SampleRule, shape: Shape<&[DVec2]>, cell: &Cell) -> Sampling {
-        let frame = &self.patch.frame;
+    /// Lengths of the cell's sides in metres.
+    fn sides_m(&self) -> (f64, f64) {
+        let (frame, size) = (&self.task.patch.frame, self.element.cell.size);
+        (frame.u.length() * size.x, frame.v.length() * size.y)
+    }
+
+    fn gather(
+        &mut self,
+        (position, eye, hull): (&[DVec3], &[DVec3], &[DVec3]),
+        candidates: Candidates,
+        tolerance: Tolerance,
+        irradiance: &mut [[f64; N]],
+        uncertain: &mut [f64],
+    ) {
+        let Task { patch, occluder, .. } = self.task;
+        let points = Points { position, eye, normal: patch.frame.normal, face: patch.face, hull };
+        self.aim.source.gather(&points, occluder, candidates, tolerance, irradiance, uncertain, self.scratch);
+    }
+}
+
+impl<'a> Samplings<'a> {
+    pub fn new<const N: usize>(element: &'a Element<'a>, task: Task<'a, N>) -> Self {
+        Self { element, frame: &task.patch.frame, rules: &task.rules.samples, made: Default::default() }
+    }
+
+    /// The points of the full rule.
+    fn full(&self, extend: bool) -> &Sampling {
+        self.made[0][extend as usize].get_or_init(|| self.sample(&self.rules.full, extend))
+    }
+
+    /// The points of the rule for modest links.
+    fn modest(&self, extend: bool) -> &Sampling {
+        self.made[1][extend as usize].get_or_init(|| self.sample(&self.rules.modest, extend))
+    }
+
+    fn sample(&self, rule: &SampleRule, extend: bool) -> Sampling {
+        let frame = self.frame;
         let mut sampling = Sampling {
             count: rule.points.len(),
             position: [DVec3::ZERO; MAX_SAMPLES],
@@ -296,17 +354,17 @@ impl<const N: usize, S: Source<N>> Shoot<'_, N, S> {
             inside: 0,
         };
         for (p, local) in rule.points.iter().enumerate() {
-            let uv = cell.to_surface(*local);
+            let uv = self.element.cell.to_surface(*local);
             let point = frame.point(uv);
             sampling.position[p] = point;
             sampling.eye[p] = point;
             sampling.inside |= 1 << p;
-            if let Shape::Part(outline, _) = shape
+            if let Shape::Part(outline, _) = self.element.shape
                 && !polygon::contains(outline, uv)
             {
                 sampling.eye[p] = frame.point(nearest_inside(outline, uv, frame));
                 sampling.inside &= !(1 << p);
-                if !self.extend {
+                if !extend {
                     sampling.position[p] = sampling.eye[p];
                 }
             }

@@ -1,13 +1,14 @@
 //! Transport of light: the kernel, Lambert's closed form, emission packets, and one emitter–receiver pair.
 //!
 //! Receivers are sampled: the irradiance from one emitter is evaluated at points of a receiver element ([`gather`]), projected
-//! onto its basis, and judged at further points ([`link`]); what does not pass is divided ([`pair`]). Emitters are integrated hierarchically
-//! from each sample point; of many, those that matter little are taken together ([`cluster`], [`several`]).
+//! onto its basis, and judged at further points ([`link`]); what does not pass is divided ([`descent`]). Emitters are integrated
+//! hierarchically from each sample point; of many, those that matter little are taken together ([`cluster`], [`several`]).
 //!
-//! Nothing here knows a thread; a pair task borrows the packet and owns the receiver.
+//! Nothing here knows a thread; a task ([`pair`]) borrows the sources and owns the receiver.
 
 pub mod candidates;
 mod cluster;
+mod descent;
 mod expected;
 pub mod gather;
 pub mod kernel;
@@ -30,10 +31,9 @@ pub use cluster::Clusters;
 pub use gather::{Gather, Points};
 pub use lamp::Lamp;
 pub use packet::{Detail, Packet, PacketNode, Shape};
-pub use pair::{GoOn, Oracle, Rules, Scratch, shoot, shoot_while};
-pub use receiver::{Deposited, Patch, Receiver, Waiting};
+pub use pair::{GoOn, Oracle, Rules, Scratch, Task};
+pub use receiver::{Deposited, Patch, Receiver};
 pub use samples::SampleRules;
-pub use several::Packets;
 pub use share::{Alone, Half, Helpers};
 pub use source::Source;
 pub use work::Work;

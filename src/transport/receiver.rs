@@ -4,8 +4,8 @@ use ccnuma::Arena;
 use glam::{DVec2, DVec3};
 
 use super::packet::Shape;
+use crate::math::Split;
 use crate::math::basis::MAX_FUNCTIONS;
-use crate::math::{Cell, Split};
 use crate::scene::{Frame, Surface};
 
 /// What a pair task needs to know of the receiving surface.
@@ -72,19 +72,6 @@ pub trait Receiver<const N: usize>: Send {
     fn deposit(&mut self, irradiance: &[[f64; N]; MAX_FUNCTIONS]);
 }
 
-/// A link that would go down to finer elements if there were any: on this element the light of its source is not smooth at a point.
-#[derive(Clone, Debug)]
-pub struct Waiting<const N: usize> {
-    /// Where the light was deposited.
-    pub(super) cell: Cell,
-    /// Its coefficients in W/m².
-    pub(super) light: [[f64; N]; MAX_FUNCTIONS],
-    /// Area of the element in m².
-    pub(super) area_m2: f64,
-    /// Squared link error in W²/m².
-    pub(super) error_squared: f64,
-}
-
 /// What a pair task brought to a receiver.
 #[derive(Clone, Debug)]
 pub struct Deposited<const N: usize> {
@@ -96,13 +83,11 @@ pub struct Deposited<const N: usize> {
     pub error_squared: f64,
     /// Cost of the longest chain of parts that wait for each other: from the whole receiver down to one of its leaves.
     pub span: u64,
-    /// Links that would have gone down, in the order of the elements.
-    pub waiting: Vec<Waiting<N>>,
 }
 
 impl<const N: usize> Default for Deposited<N> {
     fn default() -> Self {
-        Self { received_w: [0.0; N], to_reflect_w: 0.0, error_squared: 0.0, span: 0, waiting: Vec::new() }
+        Self { received_w: [0.0; N], to_reflect_w: 0.0, error_squared: 0.0, span: 0 }
     }
 }
 
@@ -113,12 +98,6 @@ impl<const N: usize> Deposited<N> {
         for n in 0..N {
             self.received_w[n] += area_m2 * light[0][n];
         }
-    }
-
-    /// Takes back what a link brought.
-    pub(super) fn take_back(&mut self, patch: &Patch<N>, link: &Waiting<N>) {
-        self.take(patch, &link.light, -link.area_m2);
-        self.error_squared -= link.error_squared;
     }
 
     /// Adds what was brought after these.
@@ -136,6 +115,5 @@ impl<const N: usize> Deposited<N> {
         self.to_reflect_w += o.to_reflect_w;
         self.error_squared += o.error_squared;
         self.span = self.span.max(o.span);
-        self.waiting.extend(o.waiting);
     }
 }

@@ -1,16 +1,18 @@
-//! Several packets and one receiver: clusters of those that together matter little, one by one those that matter.
+//! The sources of a receiver, sorted: clusters of those that together matter little, single ones that matter little, and those to resolve.
 
 use super::candidates::Candidates;
 use super::cluster::{Clusters, DRAWS};
 use super::gather::{Points, Tolerance, norm};
-use super::packet::Packet;
-use super::pair::{COARSE, COARSE_SHARE, GoOn, Scratch, go_down, middle_of, shoot_first};
-use super::receiver::{Deposited, Patch, Receiver};
+use super::packet::{Packet, Shape};
+use super::pair::{COARSE, Scratch, Task};
 use super::share::Helpers;
 use super::source::Source;
 use super::{Oracle, Rules};
-use crate::math::basis::MAX_FUNCTIONS;
-use crate::visibility::Occluder;
+use crate::math::polygon;
+use glam::{DVec2, DVec3};
+
+/// Pairs that carry less than this share of the threshold are taken by one sample.
+const COARSE_SHARE: f64 = 0.5;
 
 /// What a cluster may bring, as a share of what a pair may bring that is taken by one sample: pairs of a few draws err more.
 const CLUSTER_SHARE: f64 = 1.0;
@@ -18,14 +20,8 @@ const CLUSTER_SHARE: f64 = 1.0;
 /// Clusters pay from this many packets.
 const LEAST_PACKETS: usize = 16;
 
-/// Packets that are shot together.
-#[derive(Clone, Copy, Debug)]
-pub struct Packets<'a, const N: usize> {
-    /// The packets, to be shot in this order where they do not cluster.
-    pub packets: &'a [Packet<N>],
-    /// How they cluster, where they do.
-    pub clusters: Option<&'a Clusters>,
-}
+/// Nodes over more packets than this are sorted by several if there are helpers.
+const SHARED: usize = 64;
 
 impl Clusters {
     /// The clusters of packets of which there are enough. Only the energy oracle knows what may be left out.
@@ -35,118 +31,214 @@ impl Clusters {
     }
 }
 
-impl<const N: usize> Packets<'_, N> {
-    /// Transports their light to one receiver, until told to stop; `helpers` as in [`shoot`](super::shoot).
-    #[allow(clippy::too_many_arguments)]
-    pub fn shoot<R: Receiver<N>>(
-        &self,
-        patch: &Patch<N>,
-        receiver: &mut R,
-        occluder: &dyn Occluder,
-        rules: &Rules,
-        scratch: &mut Scratch,
-        helpers: &dyn Helpers,
-        go_on: GoOn<'_>,
-    ) -> Deposited<N> {
-        let mut deposited = Deposited::default();
-        let mut waiting = Vec::new();
-        let mut one = |index: usize, receiver: &mut R, scratch: &mut Scratch| {
-            let packet = &self.packets[index];
-            let mut taken = shoot_first(packet, patch, receiver, occluder, rules, scratch, helpers, go_on);
-            let links = std::mem::take(&mut taken.waiting);
-            if !links.is_empty() {
-                waiting.push((packet, links));
-            }
-            taken
-        };
-        match self.clusters {
-            None => {
-                for index in (0..self.packets.len()).take_while(|_| go_on()) {
-                    deposited.add_after(one(index, receiver, scratch));
-                }
-            }
-            Some(clusters) => {
-                let weight = patch.weight(rules.least_reflectance);
-                let area_m2 = patch.frame.area_m2 * receiver.shape().share();
-                let (centre, radius) = patch.sphere();
-                let allowed_w_m2 =
-                    CLUSTER_SHARE * COARSE_SHARE * rules.threshold_w_m / (weight * area_m2.sqrt());
-                let mut open: Vec<usize> = clusters.root().into_iter().collect();
-                while let Some(node) = open.pop().filter(|_| go_on()) {
-                    let cluster = clusters.node(node);
-                    if cluster.cannot_reach(patch.corners[0], patch.frame.normal, centre, radius) {
-                        scratch.work.pairs_behind += cluster.len() as u64;
-                        continue;
-                    }
-                    match clusters.below(node) {
-                        Err(index) => deposited.add_after(one(index, receiver, scratch)),
-                        Ok(_)
-                            if cluster.len() > DRAWS
-                                && cluster.is_apart(centre, radius)
-                                && cluster.estimate_w_m2(centre, radius, patch.frame.normal)
-                                    <= allowed_w_m2 =>
-                        {
-                            deposited.add_after(
-                                self.draw(
-                                    clusters, node, patch, receiver, occluder, weight, area_m2, scratch,
-                                ),
-                            );
-                        }
-                        Ok([first, second]) => open.extend([second, first]),
-                    }
-                }
-            }
-        }
-        for (packet, links) in waiting.iter().take_while(|_| go_on()) {
-            deposited.add_after(go_down(*packet, links, patch, receiver, occluder, rules, scratch, helpers));
-        }
-        deposited
-    }
+/// Sources, sorted.
+pub(super) struct Sorted<const N: usize> {
+    /// Mean irradiance on the whole receiver of those that matter little, in W/m².
+    pub light_w_m2: [f64; N],
+    /// Sum of their squared link errors in W²/m².
+    pub error_squared: f64,
+    /// Cost of the longest chain of parts that wait for each other.
+    pub span: u64,
+    /// The others, by index, in order.
+    pub resolved: Vec<usize>,
+}
 
-    /// Takes a cluster by a few of its members, at one point of the receiver.
-    #[allow(clippy::too_many_arguments)]
-    fn draw<R: Receiver<N>>(
+impl<const N: usize> Default for Sorted<N> {
+    fn default() -> Self {
+        Self { light_w_m2: [0.0; N], error_squared: 0.0, span: 0, resolved: Vec::new() }
+    }
+}
+
+impl<const N: usize> Sorted<N> {
+    fn and(mut self, other: Self) -> Self {
+        for n in 0..N {
+            self.light_w_m2[n] += other.light_w_m2[n];
+        }
+        self.error_squared += other.error_squared;
+        self.span += other.span;
+        self.resolved.extend(other.resolved);
+        self
+    }
+}
+
+/// Sorts `sources` for a receiver of this shape and area, and takes those that matter little.
+pub(super) fn sort<const N: usize, S: Source<N>>(
+    task: Task<'_, N>,
+    (sources, clusters): (&[S], Option<&Clusters>),
+    (shape, area_m2): (Shape<&[DVec2]>, f64),
+    scratch: &mut Scratch,
+    helpers: &dyn Helpers,
+) -> Sorted<N> {
+    let (centre, radius) = task.patch.sphere();
+    let middle = task.patch.frame.point(middle_of(shape));
+    let sorting = Sorting { task, sources, area_m2, weight: task.weight(), centre, radius, middle };
+    match clusters {
+        None => (0..sources.len())
+            .take_while(|_| (task.go_on)())
+            .fold(Sorted::default(), |sorted, index| sorted.and(sorting.single(index, scratch))),
+        Some(clusters) => {
+            let node = |root| sorting.node(clusters, root, scratch, helpers);
+            let mut sorted = clusters.root().map(node).unwrap_or_default();
+            sorted.resolved.sort_unstable();
+            sorted
+        }
+    }
+}
+
+/// What the sorting of a receiver's sources has in common.
+#[derive(Clone, Copy)]
+struct Sorting<'a, const N: usize, S> {
+    task: Task<'a, N>,
+    sources: &'a [S],
+    area_m2: f64,
+    weight: f64,
+    /// A sphere around the receiver.
+    centre: DVec3,
+    radius: f64,
+    /// The point that stands for it.
+    middle: DVec3,
+}
+
+impl<const N: usize, S: Source<N>> Sorting<'_, N, S> {
+    /// Sorts what is below a node. What it brings is summed node by node, so that it is the same whoever did it.
+    fn node(
         &self,
         clusters: &Clusters,
         node: usize,
-        patch: &Patch<N>,
-        receiver: &mut R,
-        occluder: &dyn Occluder,
-        weight: f64,
-        area_m2: f64,
         scratch: &mut Scratch,
-    ) -> Deposited<N> {
-        let point = [patch.frame.point(middle_of(receiver.shape()))];
-        let normal = patch.frame.normal;
-        let points = Points { position: &point, eye: &point, normal, face: patch.face, hull: &point };
+        helpers: &dyn Helpers,
+    ) -> Sorted<N> {
+        if !(self.task.go_on)() {
+            return Sorted::default();
+        }
+        let (cluster, normal) = (clusters.node(node), self.task.patch.frame.normal);
+        if cluster.cannot_reach(self.task.patch.corners[0], normal, self.centre, self.radius) {
+            scratch.work.pairs_behind += cluster.len() as u64;
+            return Sorted::default();
+        }
+        let [first, second] = match clusters.below(node) {
+            Err(index) => return self.single(index, scratch),
+            Ok(below) => below,
+        };
+        let allowed_w_m = CLUSTER_SHARE * COARSE_SHARE * self.task.rules.threshold_w_m;
+        if cluster.len() > DRAWS
+            && cluster.is_apart(self.centre, self.radius)
+            && self.weight * self.area_m2.sqrt() * cluster.estimate_w_m2(self.centre, self.radius, normal)
+                <= allowed_w_m
+        {
+            return self.draw(clusters, node, scratch);
+        }
+        if cluster.len() <= SHARED {
+            let sorted = self.node(clusters, first, scratch, helpers);
+            return sorted.and(self.node(clusters, second, scratch, helpers));
+        }
+        let (mut one, mut other) = (Sorted::default(), Sorted::default());
+        let mut sort_one =
+            |helpers: &dyn Helpers, scratch: &mut Scratch| one = self.node(clusters, first, scratch, helpers);
+        let mut sort_other = |helpers: &dyn Helpers, scratch: &mut Scratch| {
+            other = self.node(clusters, second, scratch, helpers)
+        };
+        if helpers.wanted() {
+            helpers.both(scratch, &mut sort_one, &mut sort_other);
+        } else {
+            sort_one(helpers, scratch);
+            sort_other(helpers, scratch);
+        }
+        let span = one.span.max(other.span);
+        Sorted { span, ..one.and(other) }
+    }
+
+    /// Takes a source by one sample if it matters little; it is to be resolved if not.
+    fn single(&self, index: usize, scratch: &mut Scratch) -> Sorted<N> {
+        let (source, patch, rules) = (&self.sources[index], self.task.patch, self.task.rules);
+        let mut sorted = Sorted::default();
+        if source.surface() == patch.surface || source.face() == patch.face {
+            return sorted;
+        }
+        if !source.reaches(patch.frame.normal, &patch.corners) {
+            scratch.work.pairs_behind += 1;
+            return sorted;
+        }
+        let estimate_w_m2 = source.estimate_w_m2(self.centre, self.radius, patch.frame.normal);
+        let carried_w_m = self.weight * estimate_w_m2 * self.area_m2.sqrt();
+        if carried_w_m > COARSE_SHARE * rules.threshold(source) || matches!(rules.oracle, Oracle::Uniform(_))
+        {
+            sorted.resolved.push(index);
+            return sorted;
+        }
         let before = scratch.work.cost();
+        sorted.light_w_m2 = self.sample(source, 0.5 * estimate_w_m2, scratch);
+        sorted.span = scratch.work.cost() - before;
+        scratch.work.interactions += 1;
+        scratch.work.pairs_coarse += 1;
+        sorted.error_squared = self.missed_squared(&sorted.light_w_m2);
+        sorted
+    }
+
+    /// Takes a cluster by a few of its members.
+    fn draw(&self, clusters: &Clusters, node: usize, scratch: &mut Scratch) -> Sorted<N> {
+        let (patch, before) = (self.task.patch, scratch.work.cost());
         let mut drawn = [[0.0; N]; DRAWS];
-        for ((packet, times), light) in clusters.draw(node, patch.surface).into_iter().zip(&mut drawn) {
-            let packet = &self.packets[packet];
-            if packet.reaches(normal, &point) {
-                let estimate = packet.estimate_w_m2(point[0], 0.0, normal);
-                let tolerance = Tolerance { relative: COARSE, absolute_w_m2: 0.5 * estimate };
-                let mut one = [[0.0; N]];
-                packet.gather(&points, occluder, Candidates::Scene, tolerance, &mut one, &mut [0.0], scratch);
-                *light = one[0].map(|e| e * times);
+        for ((index, times), light) in clusters.draw(node, patch.surface).into_iter().zip(&mut drawn) {
+            let source = &self.sources[index];
+            if source.reaches(patch.frame.normal, &[self.middle]) {
+                let estimate_w_m2 = source.estimate_w_m2(self.middle, 0.0, patch.frame.normal);
+                *light = self.sample(source, 0.5 * estimate_w_m2, scratch).map(|e| e * times);
             }
         }
-        let mut coefficients = [[0.0; N]; MAX_FUNCTIONS];
-        coefficients[0] = std::array::from_fn(|n| drawn.iter().map(|light| light[n]).sum());
-        receiver.deposit(&coefficients);
-        let mut deposited = Deposited { span: scratch.work.cost() - before, ..Deposited::default() };
-        deposited.take(patch, &coefficients, area_m2);
         scratch.work.interactions += 1;
         scratch.work.clusters += 1;
         scratch.work.pairs_clustered += clusters.node(node).len() as u64;
+        let light_w_m2 = std::array::from_fn(|n| drawn.iter().map(|light| light[n]).sum());
         // The variance of a sum of draws, and what a constant misses on the receiver, as for one pair.
-        let mean = coefficients[0].map(|e| e / DRAWS as f64);
-        let square = |light: &[f64; N]| -> f64 { (0..N).map(|n| (light[n] - mean[n]).powi(2)).sum() };
         let draws = DRAWS as f64;
+        let mean = light_w_m2.map(|e: f64| e / draws);
+        let square = |light: &[f64; N]| -> f64 { (0..N).map(|n| (light[n] - mean[n]).powi(2)).sum() };
         let variance = draws / (draws - 1.0) * drawn.iter().map(square).sum::<f64>();
-        let carried = weight * norm(&coefficients[0]);
-        deposited.error_squared = area_m2 * (weight * weight * variance + 0.1 * carried * carried);
-        deposited
+        let error_squared = self.area_m2 * self.weight.powi(2) * variance + self.missed_squared(&light_w_m2);
+        Sorted { light_w_m2, error_squared, span: scratch.work.cost() - before, resolved: Vec::new() }
+    }
+
+    /// The irradiance at the point that stands for the receiver.
+    fn sample(&self, source: &S, absolute_w_m2: f64, scratch: &mut Scratch) -> [f64; N] {
+        let patch = self.task.patch;
+        let point = [self.middle];
+        let points = Points {
+            position: &point,
+            eye: &point,
+            normal: patch.frame.normal,
+            face: patch.face,
+            hull: &point,
+        };
+        let tolerance = Tolerance { relative: COARSE, absolute_w_m2 };
+        let mut light = [[0.0; N]];
+        source.gather(
+            &points,
+            self.task.occluder,
+            Candidates::Scene,
+            tolerance,
+            &mut light,
+            &mut [0.0],
+            scratch,
+        );
+        light[0]
+    }
+
+    /// What a constant may miss of such light on the receiver: squared link error in W²/m².
+    fn missed_squared(&self, light_w_m2: &[f64; N]) -> f64 {
+        0.1 * (self.weight * norm(light_w_m2)).powi(2) * self.area_m2
+    }
+}
+
+/// A point of the surface that stands for it: the middle of the parallelogram, or of an outline the mean of its corners, or where that lies
+/// outside, the point of the boundary nearest to it.
+fn middle_of(shape: Shape<&[DVec2]>) -> DVec2 {
+    let Shape::Part(outline, _) = shape else { return DVec2::splat(0.5) };
+    let mean = outline.iter().sum::<DVec2>() / outline.len() as f64;
+    if polygon::contains(outline, mean) {
+        mean
+    } else {
+        polygon::nearest_on_boundary(outline, mean, |d| d.length_squared())
     }
 }
 
@@ -154,6 +246,8 @@ impl<const N: usize> Packets<'_, N> {
 mod tests {
     use ccnuma::Arena;
     use ccnuma::arena::Backend;
+
+    use std::slice::from_ref;
 
     use super::*;
     use crate::math::Basis;
@@ -215,27 +309,20 @@ mod tests {
                 samples: SampleRules::new(Basis::M2),
             };
             let clusters = Clusters::of(&packets, &rules);
-            let together = Packets { packets: &packets, clusters: clusters.as_ref() };
             let mut lit = grow();
             // The floor, the shelf, and some of the little ones.
             for index in [400, 401, 0, 1, 2, 199] {
                 let mut scratch = Scratch::default();
                 let tree = &mut lit[index];
-                let found =
-                    together.shoot(&tree.patch, &mut tree.root, &bvh, &rules, &mut scratch, &alone, &|| true);
+                let task = Task { patch: &tree.patch, occluder: &bvh, rules: &rules, go_on: &|| true };
+                let all = (&*packets, clusters.as_ref());
+                let found = task.shoot(all, &mut tree.root, &mut scratch, &alone);
                 skipped += scratch.work.pairs_clustered;
                 let fine = Rules { threshold_w_m: 1e-5, ..rules.clone() };
                 let mut truth = 0.0;
                 for packet in &packets {
-                    let one = crate::transport::shoot(
-                        packet,
-                        &tree.patch,
-                        &mut tree.root,
-                        &bvh,
-                        &fine,
-                        &mut scratch,
-                        &alone,
-                    );
+                    let task = Task { rules: &fine, ..task };
+                    let one = task.shoot((from_ref(packet), None), &mut tree.root, &mut scratch, &alone);
                     truth += one.received_w[0];
                 }
                 let miss = 0.5 * (found.received_w[0] - truth).abs() / tree.area_m2.sqrt();

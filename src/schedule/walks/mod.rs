@@ -16,12 +16,13 @@
 mod desk;
 mod receivers;
 
+use std::slice::from_ref;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use ccnuma::{Arena, Team, Worker, WorkerPanic};
 
 use crate::radiosity::Tree;
-use crate::transport::{Alone, Deposited, Packet, Patch, Receiver, Rules, Scratch, Source, shoot_while};
+use crate::transport::{Alone, Deposited, Packet, Patch, Receiver, Rules, Scratch, Source, Task};
 use crate::visibility::Occluder;
 
 use super::crew::Room;
@@ -155,8 +156,8 @@ impl<S: Source<N>, const N: usize> Pair<N> for Shot<'_, S> {
         scratch: &mut Scratch,
         arena: &Arena,
     ) -> Deposited<N> {
-        let go_on = || !self.watch.stopped();
-        let alone = &Alone(arena);
-        shoot_while(self.source, patch, receiver, self.occluder, self.rules, scratch, alone, &go_on)
+        let go_on = &|| !self.watch.stopped();
+        let task = Task { patch, occluder: self.occluder, rules: self.rules, go_on };
+        task.shoot((from_ref(self.source), None), receiver, scratch, &Alone(arena))
     }
 }
