@@ -8,8 +8,8 @@ use std::thread::{self, ThreadId};
 
 use ccnuma::arena::Memory;
 use ccnuma::{Machine, Plan, Policy, Team};
-use glam::{DVec2, DVec3};
-use wavelet_radiosity::math::{Basis, polygon};
+use glam::DVec3;
+use wavelet_radiosity::math::Basis;
 use wavelet_radiosity::scene::{self, Scene, Surface};
 use wavelet_radiosity::schedule::{
     Batches, Observer, Options, Outcome, Part, Schedule, Silent, Stage, Walks, solve, solve_by,
@@ -17,6 +17,11 @@ use wavelet_radiosity::schedule::{
 };
 use wavelet_radiosity::transport::Oracle;
 use wavelet_radiosity::visibility::{Bvh, Occluder, OpaqueFaces, Shaft};
+
+use distance::distance;
+
+#[path = "support/distance.rs"]
+mod distance;
 
 struct Room {
     scene: Scene,
@@ -160,29 +165,6 @@ const LOCKING: [Walks; 4] = [
     Walks { together: false, lure: true },
 ];
 
-/// `‖B − B'‖ / ‖B'‖` of reflected radiosity, at 32 × 32 points a surface.
-fn distance(room: &Room, found: &Outcome, expected: &Outcome) -> f64 {
-    let (mut difference, mut norm) = (0.0, 0.0);
-    let bands = room.scene.bands.len();
-    let (mut a, mut b) = (vec![0.0; bands], vec![0.0; bands]);
-    for (index, surface) in room.surfaces.iter().enumerate() {
-        for point in 0..32 * 32 {
-            let uv = (DVec2::new((point % 32) as f64, (point / 32) as f64) + 0.5) / 32.0;
-            if !surface.full && !polygon::contains(&surface.outline, uv) {
-                continue;
-            }
-            found.solution.fields[index].irradiance(uv, &mut a);
-            expected.solution.fields[index].irradiance(uv, &mut b);
-            for band in 0..bands {
-                let weight = surface.frame.area_m2 * surface.reflectance[band].powi(2);
-                difference += weight * (a[band] - b[band]).powi(2);
-                norm += weight * b[band].powi(2);
-            }
-        }
-    }
-    (difference / norm).sqrt()
-}
-
 /// Solves with receivers locked on several teams: one worker shoots in sequence, more of them find a solution within the error for hardly more
 /// work.
 fn every_locking_schedule_is_as_good(room: &Room) {
@@ -197,7 +179,7 @@ fn every_locking_schedule_is_as_good(room: &Room) {
         for workers in [3, 16] {
             let mut team = team(workers);
             let found = room.solve(Some(&mut team), Batches::None(walks));
-            let distance = distance(room, &found, &single);
+            let distance = distance((&room.scene, &room.surfaces), &found, &single);
             let lures: u64 = team.times().iter().map(|times| times.deferrals).sum();
             let interactions = found.work.interactions as f64 / single.work.interactions as f64;
             let cost = found.work.cost() as f64 / single.work.cost() as f64;
@@ -234,7 +216,10 @@ fn direct_light_adds_up_whoever_locks() {
     for walks in LOCKING {
         let found = room.solve(Some(&mut team(4)), Batches::None(walks));
         assert_eq!(found.statistics.shots, single.statistics.shots, "each light once, {walks:?}");
-        assert!(distance(&room, &found, &single) < 0.5 * room.options.error, "{walks:?}");
+        assert!(
+            distance((&room.scene, &room.surfaces), &found, &single) < 0.5 * room.options.error,
+            "{walks:?}"
+        );
     }
 }
 
@@ -303,7 +288,7 @@ fn locks_and_lures_bear_delays() {
             Schedule { team: Some(&mut team), batches: Batches::None(walks), ..Schedule::default() };
         let found =
             solve_by(schedule, &room.scene, &room.surfaces, &late, &room.options, &mut Silent).unwrap();
-        let distance = distance(&room, &found, &single);
+        let distance = distance((&room.scene, &room.surfaces), &found, &single);
         assert!(distance < 0.5 * room.options.error, "{walks:?}, seed {seed}: {distance}");
         let times = team.times();
         let (lures, waits) =

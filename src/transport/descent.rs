@@ -121,7 +121,8 @@ impl<'a, const N: usize, S: Source<N>> Descent<'a, N, S> {
         scratch: &mut Scratch,
         helpers: &dyn Helpers,
     ) -> Deposited<N> {
-        let visitors = (0..self.aims.len() as u32).map(|aim| Visitor { aim, candidates: Candidates::Scene });
+        let candidates = self.task.candidates();
+        let visitors = (0..self.aims.len() as u32).map(|aim| Visitor { aim, candidates });
         let visitors: Vec<Visitor> = visitors.collect();
         self.visit(
             receiver,

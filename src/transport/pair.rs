@@ -9,6 +9,7 @@
 //! disjoint elements add up in squares exactly, so that one τ for all links spends the fewest elements on a given total.
 
 use super::Clusters;
+use super::candidates::Candidates;
 use super::descent::{Aim, Descent};
 use super::receiver::{Deposited, Patch, Receiver};
 use super::samples::SampleRules;
@@ -122,6 +123,11 @@ impl<const N: usize> Task<'_, N> {
             deposited.add_after(Descent::new(self, &aims).begin(receiver, scratch, helpers));
         }
         deposited
+    }
+
+    /// What may stand between anywhere in the scene.
+    pub(super) fn candidates(&self) -> Candidates {
+        if self.occluder.never_blocks() { Candidates::Free } else { Candidates::Scene }
     }
 
     /// What an error of irradiance counts: the largest reflectance, or the least one if that is more.

@@ -1,6 +1,5 @@
 //! The sources of a receiver, sorted: clusters of those that together matter little, single ones that matter little, and those to resolve.
 
-use super::candidates::Candidates;
 use super::cluster::{Clusters, DRAWS};
 use super::gather::{Points, Tolerance, norm};
 use super::packet::{Packet, Shape};
@@ -212,15 +211,8 @@ impl<const N: usize, S: Source<N>> Sorting<'_, N, S> {
         };
         let tolerance = Tolerance { relative: COARSE, absolute_w_m2 };
         let mut light = [[0.0; N]];
-        source.gather(
-            &points,
-            self.task.occluder,
-            Candidates::Scene,
-            tolerance,
-            &mut light,
-            &mut [0.0],
-            scratch,
-        );
+        let (occluder, candidates) = (self.task.occluder, self.task.candidates());
+        source.gather(&points, occluder, candidates, tolerance, &mut light, &mut [0.0], scratch);
         light[0]
     }
 

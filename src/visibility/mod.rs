@@ -35,6 +35,11 @@ pub trait Occluder: Sync {
     /// The first face hit by the ray and the distance in units of `direction`'s length.
     fn first_hit(&self, origin: DVec3, direction: DVec3) -> Option<(u32, f64)>;
 
+    /// Whether no face ever blocks, so that no ray need be cast.
+    fn never_blocks(&self) -> bool {
+        false
+    }
+
     /// Bytes that it takes.
     fn bytes(&self) -> usize;
 
@@ -59,6 +64,10 @@ impl<T: Occluder + ?Sized> Occluder for &T {
 
     fn first_hit(&self, origin: DVec3, direction: DVec3) -> Option<(u32, f64)> {
         (**self).first_hit(origin, direction)
+    }
+
+    fn never_blocks(&self) -> bool {
+        (**self).never_blocks()
     }
 
     fn bytes(&self) -> usize {
@@ -91,6 +100,10 @@ impl<T: Occluder> Occluder for Unoccluded<T> {
 
     fn first_hit(&self, origin: DVec3, direction: DVec3) -> Option<(u32, f64)> {
         self.0.first_hit(origin, direction)
+    }
+
+    fn never_blocks(&self) -> bool {
+        true
     }
 
     fn bytes(&self) -> usize {
