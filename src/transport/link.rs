@@ -166,6 +166,9 @@ impl<const N: usize, S: Source<N>> Link<'_, '_, N, S> {
                 {
                     return verdict;
                 }
+            } else if divided {
+                // Its parts cost less than a look at the whole.
+                return Verdict::Down;
             } else {
                 let unseen = 0.7 * hideable * self.glance(&middle, estimate);
                 if weight * unseen > self.aim.threshold {
