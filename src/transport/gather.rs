@@ -408,34 +408,30 @@ impl<'a, const N: usize> Gather<'a, N> {
 
     /// Which of the nodes point `p` sees, as a bit mask.
     fn trace(&mut self, p: usize, nodes: &Nodes<N>, candidates: Candidates) -> u32 {
-        let from = self.points.eye[p];
-        let skip = [self.points.face, self.packet.face];
-        let faces = self.occluder.faces();
-        let mut visible = 0;
+        let (from, targets) = (self.points.eye[p], &nodes.eye[..nodes.count]);
+        let all = (1 << nodes.count) - 1;
         self.scratch.work.visibility_rays += nodes.count as u64;
-        for q in 0..nodes.count {
-            let to = nodes.eye[q];
-            let blocked = match candidates {
-                Candidates::Free => false,
-                Candidates::Hidden => true,
-                Candidates::List(start, end) => {
-                    let list = &mut self.scratch.candidates[start..end];
+        match candidates {
+            Candidates::Free => all,
+            Candidates::Hidden => 0,
+            Candidates::List(start, end) => {
+                let faces = self.occluder.faces();
+                let list = &mut self.scratch.candidates[start..end];
+                let mut visible = 0;
+                for (q, to) in targets.iter().enumerate() {
                     match list.iter().position(|f| faces.blocks(*f, from, to - from)) {
-                        Some(found) => {
-                            // The last blocker comes first next time.
-                            list.swap(0, found);
-                            true
-                        }
-                        None => false,
+                        // The last blocker comes first next time.
+                        Some(found) => list.swap(0, found),
+                        None => visible |= 1 << q,
                     }
                 }
-                Candidates::Scene => self.occluder.blocker(from, to, skip).is_some(),
-            };
-            if !blocked {
-                visible |= 1 << q;
+                visible
+            }
+            Candidates::Scene => {
+                let skip = [self.points.face, self.packet.face];
+                all & !self.occluder.blocked(from, targets, skip, &mut self.scratch.last_blocker)
             }
         }
-        visible
     }
 
     fn divide(

@@ -77,6 +77,8 @@ impl Rules {
 pub struct Scratch {
     /// Stack of blocker lists.
     pub candidates: Vec<u32>,
+    /// The face that blocked a segment last, where the structure was asked.
+    pub last_blocker: u32,
     /// Parts of emitter cells left visible.
     pub fragments: Fragments,
     /// What was done.

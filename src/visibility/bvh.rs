@@ -1,151 +1,173 @@
-//! A binary bounding volume hierarchy over faces, built by a binned surface-area heuristic (Wald 2007).
+//! A bounding volume hierarchy with eight boxes to a node, tested together in single precision ([`super::beam`]), and faces four to a
+//! block, tested together in double precision ([`super::block`]).
+//!
+//! It is the binary tree of [`super::binned`] with inner nodes drawn together, the largest boxes first. Boxes are rounded outward and
+//! told from the middle of the scene, so that the single precision never loses a face; which faces block is decided by the
+//! arithmetic of [`OpaqueFaces`] alone. Faces keep the order of the binary tree's leaves.
 
 use glam::DVec3;
+use wide::f32x8;
 
-use super::{Occluder, OpaqueFaces, Shaft};
+use super::beam::{Beam, Boxes, Fan};
+use super::binned::{BinaryNode, BinaryTree, MAX_DEPTH, half_area};
+use super::block::{Block, LANES, Line, NO_FACE};
+use super::{MAX_BUNDLE, Occluder, OpaqueFaces, Shaft};
 
-const BINS: usize = 16;
-const LEAF_FACES: usize = 4;
-/// From this depth on lists are halved, so that the traversal stack of 64 entries always suffices.
-const HALVE_DEPTH: usize = 32;
+const WIDTH: usize = 8;
+/// A child with this bit is a leaf: below [`COUNT_SHIFT`] its first block, above it the number of further blocks.
+const LEAF: u32 = 1 << 31;
+const COUNT_SHIFT: u32 = 29;
 
 /// The hierarchy.
 #[derive(Clone)]
 pub struct Bvh {
     faces: OpaqueFaces,
     nodes: Vec<Node>,
-    order: Vec<u32>,
+    blocks: Vec<Block>,
+    /// Boxes are told from here.
+    centre: DVec3,
+    /// The greatest coordinate of a box.
+    extent: f64,
 }
 
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 struct Node {
-    low: DVec3,
-    high: DVec3,
-    /// Leaf: first entry of `order`; inner: the right child (the left one follows its parent).
-    start: u32,
-    /// Leaf: number of faces; inner: 0.
-    count: u32,
+    boxes: Boxes,
+    children: [u32; WIDTH],
 }
 
-fn half_area(low: DVec3, high: DVec3) -> f64 {
-    let d = high - low;
-    d.x * d.y + d.y * d.z + d.z * d.x
+/// Where a walk is: lanes of nodes that are still to be visited.
+struct Walk {
+    stack: [(u32, u32); MAX_DEPTH],
+    depth: usize,
+    node: u32,
+    pending: u32,
+}
+
+impl Walk {
+    fn new(pending: u32) -> Self {
+        Self { stack: [(0, 0); MAX_DEPTH], depth: 0, node: 0, pending }
+    }
+
+    /// The next child, from left to right, as a lane of its node.
+    #[inline]
+    fn next<'a>(&mut self, nodes: &'a [Node]) -> Option<(&'a Node, usize)> {
+        while self.pending == 0 {
+            self.depth = self.depth.checked_sub(1)?;
+            (self.node, self.pending) = self.stack[self.depth];
+        }
+        let lane = self.pending.trailing_zeros() as usize;
+        self.pending &= self.pending - 1;
+        Some((&nodes[self.node as usize], lane % WIDTH))
+    }
+
+    /// Goes down to these lanes of a node.
+    #[inline]
+    fn enter(&mut self, node: u32, pending: u32) {
+        if self.pending != 0 {
+            self.stack[self.depth] = (self.node, self.pending);
+            self.depth += 1;
+        }
+        (self.node, self.pending) = (node, pending);
+    }
 }
 
 impl Bvh {
     /// Builds the hierarchy over `faces`.
     pub fn new(faces: OpaqueFaces) -> Self {
-        let mut bvh = Self { order: (0..faces.len() as u32).collect(), nodes: Vec::new(), faces };
-        if !bvh.order.is_empty() {
-            let centres: Vec<DVec3> = (0..bvh.faces.len() as u32)
-                .map(|f| {
-                    let (low, high) = bvh.faces.bounds(f);
-                    0.5 * (low + high)
-                })
-                .collect();
-            bvh.build(0, bvh.order.len(), 0, &centres);
-        }
+        let tree = BinaryTree::new(&faces);
+        let (nodes, blocks) = (Vec::new(), Vec::new());
+        let Some(root) = tree.nodes.first() else {
+            return Self { faces, nodes, blocks, centre: DVec3::ZERO, extent: 0.0 };
+        };
+        let centre = 0.5 * (root.low + root.high);
+        let extent = (0.5 * (root.high - root.low)).max_element() * (1.0 + f64::from(f32::EPSILON));
+        let mut bvh = Self { faces, nodes, blocks, centre, extent };
+        bvh.collapse(&tree, 0);
         bvh
     }
 
-    fn bounds(&self, start: usize, end: usize) -> (DVec3, DVec3) {
-        self.order[start..end].iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), f| {
-            let (l, h) = self.faces.bounds(*f);
-            (low.min(l), high.max(h))
-        })
-    }
-
-    fn build(&mut self, start: usize, end: usize, depth: usize, centres: &[DVec3]) {
-        let (low, high) = self.bounds(start, end);
+    /// Makes a node of a subtree; returns its index.
+    fn collapse(&mut self, tree: &BinaryTree, root: u32) -> u32 {
+        let mut members = vec![root];
+        while members.len() < WIDTH {
+            let area = |i: &usize| {
+                let node = &tree.nodes[members[*i] as usize];
+                half_area(node.low, node.high)
+            };
+            let inner = (0..members.len()).filter(|i| tree.nodes[members[*i] as usize].count == 0);
+            let Some(largest) = inner.max_by(|i, j| area(i).total_cmp(&area(j))) else { break };
+            let opened = members[largest];
+            members.splice(largest..=largest, [opened + 1, tree.nodes[opened as usize].start]);
+        }
         let index = self.nodes.len();
-        self.nodes.push(Node { low, high, start: start as u32, count: (end - start) as u32 });
-        let middle = if depth >= HALVE_DEPTH && end - start > LEAF_FACES {
-            Some(start + (end - start) / 2)
-        } else {
-            self.partition(start, end, centres, half_area(low, high))
-        };
-        let Some(middle) = middle else { return };
-        self.build(start, middle, depth + 1, centres);
-        self.nodes[index].start = self.nodes.len() as u32;
-        self.nodes[index].count = 0;
-        self.build(middle, end, depth + 1, centres);
+        let of_members: Vec<&BinaryNode> = members.iter().map(|m| &tree.nodes[*m as usize]).collect();
+        self.nodes.push(Node { boxes: self.boxes(&of_members), children: [0; WIDTH] });
+        for (lane, node) in of_members.iter().enumerate() {
+            self.nodes[index].children[lane] = match node.count {
+                0 => self.collapse(tree, members[lane]),
+                count => self.add_leaf(&tree.order[node.start as usize..(node.start + count) as usize]),
+            };
+        }
+        index as u32
     }
 
-    /// Orders the faces of the range around the best of the binned splits; `None` where a leaf is cheaper.
-    fn partition(&mut self, start: usize, end: usize, centres: &[DVec3], area: f64) -> Option<usize> {
-        let count = end - start;
-        if count <= LEAF_FACES {
-            return None;
-        }
-        let range = self.order[start..end].iter().map(|f| centres[*f as usize]);
-        let (low, high) =
-            range.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), c| (l.min(c), h.max(c)));
-        let axis = (high - low).max_position();
-        if high[axis] <= low[axis] {
-            // All centres coincide: halve the list, so that leaves stay small.
-            return Some(start + count / 2);
-        }
-        let scale = BINS as f64 / (high[axis] - low[axis]);
-        let bin_of = |f: u32| (((centres[f as usize][axis] - low[axis]) * scale) as usize).min(BINS - 1);
-        let mut bins = [(DVec3::INFINITY, DVec3::NEG_INFINITY, 0usize); BINS];
-        for f in &self.order[start..end] {
-            let (l, h) = self.faces.bounds(*f);
-            let bin = &mut bins[bin_of(*f)];
-            *bin = (bin.0.min(l), bin.1.max(h), bin.2 + 1);
-        }
-        let join =
-            |a: (DVec3, DVec3, usize), b: &(DVec3, DVec3, usize)| (a.0.min(b.0), a.1.max(b.1), a.2 + b.2);
-        let empty = (DVec3::INFINITY, DVec3::NEG_INFINITY, 0);
-        let cost = |split: usize| {
-            let (left, right) =
-                (bins[..split].iter().fold(empty, join), bins[split..].iter().fold(empty, join));
-            if left.2 == 0 || right.2 == 0 {
-                return f64::INFINITY;
-            }
-            half_area(left.0, left.1) * left.2 as f64 + half_area(right.0, right.1) * right.2 as f64
+    /// The boxes of at most eight nodes; the other lanes hold boxes that nothing meets.
+    fn boxes(&self, nodes: &[&BinaryNode]) -> Boxes {
+        let side = |axis: usize, high: bool| {
+            f32x8::from(std::array::from_fn::<f32, WIDTH, _>(|lane| match (nodes.get(lane), high) {
+                (None, false) => f32::MAX,
+                (None, true) => f32::MIN,
+                (Some(node), false) => ((node.low - self.centre)[axis] as f32).next_down(),
+                (Some(node), true) => ((node.high - self.centre)[axis] as f32).next_up(),
+            }))
         };
-        let best = (1..BINS).min_by(|a, b| cost(*a).total_cmp(&cost(*b)))?;
-        if cost(best) >= area * count as f64 && count <= 4 * LEAF_FACES {
-            return None;
-        }
-        let slice = &mut self.order[start..end];
-        slice.sort_by_key(|f| bin_of(*f) >= best);
-        Some(start + slice.partition_point(|f| bin_of(*f) < best))
+        std::array::from_fn(|i| side(i % 3, i >= 3))
     }
 
-    /// Calls `visit` with every face of every leaf whose box the segment meets before `reach`; `visit` returns the new reach.
+    fn add_leaf(&mut self, list: &[u32]) -> u32 {
+        let first = self.blocks.len() as u32;
+        self.blocks.extend(list.chunks(LANES).map(|chunk| Block::new(&self.faces, chunk)));
+        LEAF | (self.blocks.len() as u32 - first - 1) << COUNT_SHIFT | first
+    }
+
+    /// Which of the `open` segments from `from` along these no face blocks; the last face that blocks one goes to `last`.
     #[inline]
-    fn along(&self, from: DVec3, along: DVec3, mut reach: f64, mut visit: impl FnMut(u32, f64) -> f64) {
-        if self.nodes.is_empty() {
-            return;
+    fn search(&self, from: DVec3, along: &[DVec3], skip: [u32; 2], mut open: u32, last: &mut u32) -> u32 {
+        let (mut least, mut greatest) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        for (i, along) in along.iter().enumerate() {
+            if open >> i & 1 != 0 {
+                (least, greatest) = (least.min(*along), greatest.max(*along));
+            }
         }
-        let inverse = along.recip();
-        let mut stack = [0u32; 64];
-        let mut depth = 1;
-        while depth > 0 {
-            depth -= 1;
-            let index = stack[depth];
-            let node = &self.nodes[index as usize];
-            let (a, b) = ((node.low - from) * inverse, (node.high - from) * inverse);
-            let (near, far) = (a.min(b).max_element(), a.max(b).min_element());
-            // NaN (a flat box met along its plane) must count as met: compare so that it falls through.
-            if near > far.min(reach) || far < 0.0 {
+        let beam = Beam::new(from - self.centre, least, greatest, 1.0, self.extent);
+        let (Some(beam), Some(root)) = (beam, self.nodes.first()) else { return open };
+        let mut walk = Walk::new(beam.meets(&root.boxes));
+        let fan = (along.len() > 1).then(|| Fan::new(&beam, from - self.centre, along));
+        while open != 0
+            && let Some((node, lane)) = walk.next(&self.nodes)
+        {
+            let child = node.children[lane];
+            if child & LEAF == 0 {
+                walk.enter(child, beam.meets(&self.nodes[child as usize].boxes));
                 continue;
             }
-            if node.count > 0 {
-                for f in &self.order[node.start as usize..(node.start + node.count) as usize] {
-                    reach = visit(*f, reach);
-                    if reach < 0.0 {
-                        return;
-                    }
+            let mut near = fan.as_ref().map_or(open, |fan| open & fan.meets(&node.boxes, lane));
+            for block in self.leaf(child) {
+                if near == 0 {
+                    break;
                 }
-            } else {
-                debug_assert!(depth + 2 <= stack.len());
-                stack[depth] = node.start;
-                stack[depth + 1] = index + 1;
-                depth += 2;
+                let blocked = block.blocked(&self.faces, from, along, skip, near, last);
+                (near, open) = (near & !blocked, open & !blocked);
             }
         }
+        open
+    }
+
+    #[inline]
+    fn leaf(&self, child: u32) -> &[Block] {
+        let first = (child & ((1 << COUNT_SHIFT) - 1)) as usize;
+        &self.blocks[first..=first + (child >> COUNT_SHIFT & 3) as usize]
     }
 }
 
@@ -155,40 +177,46 @@ impl Occluder for Bvh {
     }
 
     fn blocker(&self, from: DVec3, to: DVec3, skip: [u32; 2]) -> Option<u32> {
-        let along = to - from;
-        let mut found = None;
-        self.along(from, along, 1.0, |f, reach| {
-            if !skip.contains(&f) && self.faces.blocks(f, from, along) {
-                found = Some(f);
-                return -1.0;
+        let mut last = NO_FACE;
+        (self.search(from, &[to - from], skip, 1, &mut last) == 0).then_some(last)
+    }
+
+    fn blocked(&self, from: DVec3, to: &[DVec3], skip: [u32; 2], last: &mut u32) -> u32 {
+        assert!(to.len() <= MAX_BUNDLE, "{} segments at once, at most {MAX_BUNDLE} are answered", to.len());
+        let all = (1u64 << to.len()) - 1;
+        let mut along = [DVec3::ZERO; MAX_BUNDLE];
+        let along = &mut along[..to.len()];
+        let mut open = all as u32;
+        let known = (*last as usize) < self.faces.len() && !skip.contains(last);
+        let likely = known.then_some(*last);
+        for (i, target) in to.iter().enumerate() {
+            along[i] = target - from;
+            if likely.is_some_and(|face| self.faces.blocks(face, from, along[i])) {
+                open &= !(1 << i);
             }
-            reach
-        });
-        found
+        }
+        all as u32 & !self.search(from, along, skip, open, last)
     }
 
     fn candidates(&self, shaft: &Shaft, skip: [u32; 2], limit: usize, out: &mut Vec<u32>) -> bool {
         let start = out.len();
-        if self.nodes.is_empty() {
-            return true;
-        }
-        let mut stack = vec![0u32];
-        while let Some(index) = stack.pop() {
-            let node = &self.nodes[index as usize];
-            if !shaft.may_hold_box(node.low, node.high) {
+        let Some(root) = self.nodes.first() else { return true };
+        let sides = shaft.told_from(self.centre, self.extent);
+        let mut walk = Walk::new(sides.may_hold(&root.boxes));
+        while let Some((node, lane)) = walk.next(&self.nodes) {
+            let child = node.children[lane];
+            if child & LEAF == 0 {
+                walk.enter(child, sides.may_hold(&self.nodes[child as usize].boxes));
                 continue;
             }
-            if node.count == 0 {
-                stack.extend([node.start, index + 1]);
-                continue;
-            }
-            for f in &self.order[node.start as usize..(node.start + node.count) as usize] {
-                if !skip.contains(f) && shaft.may_hold(self.faces.vertices(*f)) {
+            let faces = self.leaf(child).iter().flat_map(|block| block.face);
+            for face in faces.take_while(|face| *face != NO_FACE) {
+                if !skip.contains(&face) && shaft.may_hold(self.faces.vertices(face)) {
                     if out.len() - start == limit {
                         out.truncate(start);
                         return false;
                     }
-                    out.push(*f);
+                    out.push(face);
                 }
             }
         }
@@ -196,19 +224,34 @@ impl Occluder for Bvh {
     }
 
     fn first_hit(&self, origin: DVec3, direction: DVec3) -> Option<(u32, f64)> {
-        let mut found = None;
-        self.along(origin, direction, f64::INFINITY, |f, reach| match self.faces.hit(f, origin, direction) {
-            Some(t) if t > 0.0 && t < reach => {
-                found = Some((f, t));
-                t
+        let mut beam = Beam::new(origin - self.centre, direction, direction, f64::INFINITY, self.extent)?;
+        let line = Line::new(origin, direction);
+        let mut walk = Walk::new(beam.meets(&self.nodes.first()?.boxes));
+        let mut nearest: Option<(u32, f64)> = None;
+        while let Some((node, lane)) = walk.next(&self.nodes) {
+            let child = node.children[lane];
+            if child & LEAF == 0 {
+                walk.enter(child, beam.meets(&self.nodes[child as usize].boxes));
+                continue;
             }
-            _ => reach,
-        });
-        found
+            for block in self.leaf(child) {
+                let reach = nearest.map_or(f64::INFINITY, |(_, t)| t);
+                block.hits(&self.faces, &line, reach, |face, t| {
+                    // Of faces at the same place the first one counts.
+                    if nearest.is_none_or(|(f, s)| t < s || t == s && face < f) {
+                        nearest = Some((face, t));
+                    }
+                });
+            }
+            if let Some((_, t)) = nearest {
+                beam.shorten(t);
+            }
+        }
+        nearest
     }
 
     fn bytes(&self) -> usize {
-        self.faces.bytes() + size_of_val(&*self.nodes) + size_of_val(&*self.order)
+        self.faces.bytes() + size_of_val(&*self.nodes) + size_of_val(&*self.blocks)
     }
 
     fn replica(&self) -> Option<Box<dyn Occluder + Send>> {

@@ -3,6 +3,9 @@
 //! Faces block from both sides. Hits within a relative `1e-6` of either end of a segment do not count, so that touching,
 //! coplanar and duplicate faces neither shadow themselves nor each other.
 
+mod beam;
+mod binned;
+mod block;
 mod brute;
 mod bvh;
 mod convex;
@@ -20,6 +23,9 @@ pub use shaft::Shaft;
 /// The share of a segment next to each end in which hits do not count.
 pub const END_MARGIN: f64 = 1e-6;
 
+/// The most segments that are asked for at once.
+pub const MAX_BUNDLE: usize = 16;
+
 /// The structure that answers visibility questions about a scene's faces.
 pub trait Occluder: Sync {
     /// The faces themselves.
@@ -27,6 +33,19 @@ pub trait Occluder: Sync {
 
     /// Whether a face other than the two in `skip` blocks the open segment; returns the blocking face.
     fn blocker(&self, from: DVec3, to: DVec3, skip: [u32; 2]) -> Option<u32>;
+
+    /// Which of at most [`MAX_BUNDLE`] open segments from `from` are blocked, as a bit mask. The face `last` is tried first; a face that
+    /// blocks one of them comes back in it.
+    fn blocked(&self, from: DVec3, to: &[DVec3], skip: [u32; 2], last: &mut u32) -> u32 {
+        let mut blocked = 0;
+        for (i, target) in to.iter().enumerate() {
+            if let Some(face) = self.blocker(from, *target, skip) {
+                *last = face;
+                blocked |= 1 << i;
+            }
+        }
+        blocked
+    }
 
     /// Appends the faces that may block a segment inside `shaft`; gives up and returns `false` beyond `limit` faces, `out` then
     /// being as it was.
@@ -56,6 +75,10 @@ impl<T: Occluder + ?Sized> Occluder for &T {
 
     fn blocker(&self, from: DVec3, to: DVec3, skip: [u32; 2]) -> Option<u32> {
         (**self).blocker(from, to, skip)
+    }
+
+    fn blocked(&self, from: DVec3, to: &[DVec3], skip: [u32; 2], last: &mut u32) -> u32 {
+        (**self).blocked(from, to, skip, last)
     }
 
     fn candidates(&self, shaft: &Shaft, skip: [u32; 2], limit: usize, out: &mut Vec<u32>) -> bool {
@@ -92,6 +115,10 @@ impl<T: Occluder> Occluder for Unoccluded<T> {
 
     fn blocker(&self, _from: DVec3, _to: DVec3, _skip: [u32; 2]) -> Option<u32> {
         None
+    }
+
+    fn blocked(&self, _from: DVec3, _to: &[DVec3], _skip: [u32; 2], _last: &mut u32) -> u32 {
+        0
     }
 
     fn candidates(&self, _shaft: &Shaft, _skip: [u32; 2], _limit: usize, _out: &mut Vec<u32>) -> bool {

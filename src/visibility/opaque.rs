@@ -33,18 +33,28 @@ struct Prepared {
     corner: Option<Corner>,
 }
 
-#[derive(Clone)]
-struct Corner {
-    a: DVec3,
-    a0: f64,
-    b: DVec3,
-    b0: f64,
+#[derive(Clone, Default)]
+pub(super) struct Corner {
+    pub a: DVec3,
+    pub a0: f64,
+    pub b: DVec3,
+    pub b0: f64,
     /// Whether the far half belongs to the face too.
-    parallelogram: bool,
+    pub parallelogram: bool,
+}
+
+/// What a segment is tested against.
+#[derive(Clone, Default)]
+pub(super) struct Parts {
+    pub normal: DVec3,
+    pub offset: f64,
+    pub corner: Corner,
+    /// Whether the face is a polygon, of which `corner` only holds a rectangle around.
+    pub polygon: bool,
 }
 
 /// Edges of triangles and parallelograms reach this much further, relative to their length, so that neighbours leave no gap.
-const EDGE_OVERLAP: f64 = 1e-12;
+pub(super) const EDGE_OVERLAP: f64 = 1e-12;
 
 impl Corner {
     fn new(vertices: &[DVec3]) -> Option<Self> {
@@ -60,6 +70,23 @@ impl Corner {
         let (a, b) = (v.cross(normal) / square, normal.cross(u) / square);
         let usable = a.is_finite() && b.is_finite();
         usable.then(|| Self { a, a0: a.dot(vertices[0]), b, b0: b.dot(vertices[0]), parallelogram })
+    }
+
+    /// A rectangle around a polygon, along its longest edge, larger than any rounding.
+    pub fn around(vertices: &[DVec3], normal: DVec3) -> Self {
+        let edges = (0..vertices.len()).map(|i| vertices[(i + 1) % vertices.len()] - vertices[i]);
+        let longest = edges.max_by(|a, b| a.length_squared().total_cmp(&b.length_squared()));
+        let along = longest.unwrap_or_default().normalize_or_zero();
+        let side = |direction: DVec3| {
+            let places = || vertices.iter().map(|v| direction.dot(*v));
+            let (low, high) =
+                (places().fold(f64::INFINITY, f64::min), places().fold(f64::NEG_INFINITY, f64::max));
+            let margin = 1e-6 * (high - low) + 1e-13 * (low.abs() + high.abs());
+            let range = high - low + 2.0 * margin;
+            if range > 0.0 { (direction / range, (low - margin) / range) } else { (DVec3::ZERO, 0.0) }
+        };
+        let ((a, a0), (b, b0)) = (side(along), side(normal.cross(along)));
+        Self { a, a0, b, b0, parallelogram: true }
     }
 
     #[inline]
@@ -112,12 +139,16 @@ impl OpaqueFaces {
                 2
             };
             let start = face.vertices[0];
+            let offset =
+                face.vertices.iter().map(|v| v.dot(normal)).sum::<f64>() / face.vertices.len() as f64;
+            // Hits lie on the plane, which corners may miss by a little: along the dominant axis by at most √3 times the distance.
+            let off_plane = face.vertices.iter().map(|v| (v.dot(normal) - offset).abs()).fold(0.0, f64::max);
             let pieces = prepared.add_pieces(&face.vertices, normal, axis);
             prepared.faces.push(Prepared {
                 normal,
-                offset: face.vertices.iter().map(|v| v.dot(normal)).sum::<f64>() / face.vertices.len() as f64,
-                low: face.vertices.iter().fold(start, |a, v| a.min(*v)),
-                high: face.vertices.iter().fold(start, |a, v| a.max(*v)),
+                offset,
+                low: face.vertices.iter().fold(start, |a, v| a.min(*v)) - 2.0 * off_plane,
+                high: face.vertices.iter().fold(start, |a, v| a.max(*v)) + 2.0 * off_plane,
                 axis,
                 first: prepared.corners.len() as u32,
                 count: face.vertices.len() as u32,
@@ -191,10 +222,18 @@ impl OpaqueFaces {
         self.faces.is_empty()
     }
 
-    /// The corners (least, greatest) of the face's box.
+    /// The corners (least, greatest) of a box around the face, and around all points at which it is hit but for rounding.
     pub fn bounds(&self, face: u32) -> (DVec3, DVec3) {
         let face = &self.faces[face as usize];
         (face.low, face.high)
+    }
+
+    /// What segments are tested against.
+    pub(super) fn parts(&self, face: u32) -> Parts {
+        let Prepared { normal, offset, ref corner, .. } = self.faces[face as usize];
+        let polygon = corner.is_none();
+        let around = || Corner::around(self.vertices(face), normal);
+        Parts { normal, offset, corner: corner.clone().unwrap_or_else(around), polygon }
     }
 
     /// The face's corners.

@@ -4,6 +4,9 @@
 //! shaft is the hull itself wherever both sides are flat.
 
 use glam::DVec3;
+use wide::f32x8;
+
+use super::beam::Boxes;
 
 /// The most planes a shaft keeps: two per edge of each side and the planes of both sides.
 const MAX_PLANES: usize = 18;
@@ -89,6 +92,24 @@ impl Shaft {
             })
     }
 
+    /// The shaft's sides in single precision, for boxes told from `centre` whose greatest coordinate is `extent`.
+    pub(super) fn told_from(&self, centre: DVec3, extent: f64) -> Sides {
+        let margin = |d: f64| (d.abs() + 2.0 * extent) * ROUNDING;
+        let mut planes = [([0; 3], [0.0; 3], 0.0); MAX_PLANES];
+        for (i, (n, d)) in self.planes().iter().enumerate() {
+            let d = d - n.dot(centre);
+            let nearest = std::array::from_fn(|axis| axis + if n[axis] >= 0.0 { 0 } else { 3 });
+            planes[i] = (nearest, n.to_array().map(|c| c as f32), (d + margin(d)) as f32);
+        }
+        let (low, high) = (self.low - centre, self.high - centre);
+        Sides {
+            planes,
+            count: self.count,
+            low: low.to_array().map(|c| (c - margin(c)) as f32),
+            high: high.to_array().map(|c| (c + margin(c)) as f32),
+        }
+    }
+
     /// Whether a box may reach into the shaft; `false` is certain.
     pub fn may_hold_box(&self, low: DVec3, high: DVec3) -> bool {
         if low.cmpgt(self.high).any() || high.cmplt(self.low).any() {
@@ -98,6 +119,39 @@ impl Shaft {
             let nearest = DVec3::select(n.cmpge(DVec3::ZERO), low, high);
             n.dot(nearest) < *d
         })
+    }
+}
+
+/// Share of a coordinate that is on the safe side of some roundings to single precision.
+const ROUNDING: f64 = 1.0 / (1u32 << 20) as f64;
+
+/// A shaft's half-spaces and box, for eight boxes at once.
+pub(super) struct Sides {
+    /// Of each half-space: which sides of a box meet in the corner that lies deepest in it, the normal, and the distance.
+    planes: [([usize; 3], [f32; 3], f32); MAX_PLANES],
+    count: usize,
+    low: [f32; 3],
+    high: [f32; 3],
+}
+
+impl Sides {
+    /// Which boxes may reach into the shaft, as a bit mask; that others do not is certain.
+    #[inline]
+    pub fn may_hold(&self, boxes: &Boxes) -> u32 {
+        let mut held = boxes[0].simd_le(f32x8::splat(self.high[0]));
+        for axis in 0..3 {
+            held &= boxes[axis].simd_le(f32x8::splat(self.high[axis]));
+            held &= f32x8::splat(self.low[axis]).simd_le(boxes[axis + 3]);
+        }
+        for (nearest, n, d) in &self.planes[..self.count] {
+            if !held.any() {
+                return 0;
+            }
+            let along = |axis: usize| (boxes[nearest[axis]], f32x8::splat(n[axis]));
+            let ((x, n_x), (y, n_y), (z, n_z)) = (along(0), along(1), along(2));
+            held &= z.mul_add(n_z, y.mul_add(n_y, x * n_x)).simd_lt(f32x8::splat(*d));
+        }
+        held.to_bitmask()
     }
 }
 

@@ -1,0 +1,154 @@
+//! Four faces side by side: one segment is tested against all of them at once, by the arithmetic of [`OpaqueFaces::blocks`], so
+//! that the answers are the same to the last bit.
+
+use glam::DVec3;
+use wide::f64x4;
+
+use super::opaque::{EDGE_OVERLAP, Parts};
+use super::{END_MARGIN, OpaqueFaces};
+
+/// Faces per block.
+pub(super) const LANES: usize = 4;
+/// Stands in the lanes that hold no face.
+pub(super) const NO_FACE: u32 = u32::MAX;
+
+/// Up to four faces; the others have no normal, which nothing meets.
+#[derive(Clone)]
+pub(super) struct Block {
+    normal: [f64x4; 3],
+    offset: f64x4,
+    a: [f64x4; 3],
+    a0: f64x4,
+    b: [f64x4; 3],
+    b0: f64x4,
+    /// All bits where the far half of the parallelogram belongs to the face.
+    parallelogram: f64x4,
+    /// Which faces these are.
+    pub face: [u32; LANES],
+    /// Which lanes hold polygons, of which only rectangles around them stand here.
+    polygons: u32,
+}
+
+/// The same line in all lanes.
+pub(super) struct Line {
+    from: DVec3,
+    along: DVec3,
+}
+
+impl Line {
+    #[inline]
+    pub fn new(from: DVec3, along: DVec3) -> Self {
+        Self { from, along }
+    }
+}
+
+#[inline(always)]
+fn splat(v: DVec3) -> [f64x4; 3] {
+    [f64x4::splat(v.x), f64x4::splat(v.y), f64x4::splat(v.z)]
+}
+
+/// By the order of [`DVec3::dot`], without fused operations.
+#[inline(always)]
+fn dot(a: &[f64x4; 3], b: &[f64x4; 3]) -> f64x4 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+impl Block {
+    /// The block of these faces, of which there are at most four.
+    pub fn new(faces: &OpaqueFaces, list: &[u32]) -> Self {
+        let parts: [Parts; LANES] =
+            std::array::from_fn(|i| list.get(i).map_or(Parts::default(), |f| faces.parts(*f)));
+        let lanes = |value: &dyn Fn(&Parts) -> f64| f64x4::from(parts.each_ref().map(value));
+        let vector = |value: &dyn Fn(&Parts) -> DVec3| {
+            std::array::from_fn(|axis| lanes(&|part: &Parts| value(part)[axis]))
+        };
+        let mask = |part: &Parts| f64::from_bits(if part.corner.parallelogram { u64::MAX } else { 0 });
+        Self {
+            normal: vector(&|part| part.normal),
+            offset: lanes(&|part| part.offset),
+            a: vector(&|part| part.corner.a),
+            a0: lanes(&|part| part.corner.a0),
+            b: vector(&|part| part.corner.b),
+            b0: lanes(&|part| part.corner.b0),
+            parallelogram: lanes(&mask),
+            face: std::array::from_fn(|i| list.get(i).copied().unwrap_or(NO_FACE)),
+            polygons: (0..LANES).map(|i| (parts[i].polygon as u32) << i).sum(),
+        }
+    }
+
+    /// Which of the `open` segments from `from` along these are blocked by a face other than those in `skip`, as a bit mask; the last face
+    /// that blocks one goes to `last`.
+    #[inline]
+    pub fn blocked(
+        &self,
+        faces: &OpaqueFaces,
+        from: DVec3,
+        along: &[DVec3],
+        skip: [u32; 2],
+        open: u32,
+        last: &mut u32,
+    ) -> u32 {
+        let height = self.offset - dot(&self.normal, &splat(from));
+        let (least, greatest) = (f64x4::splat(END_MARGIN), f64x4::splat(1.0 - END_MARGIN));
+        let mut blocked = 0;
+        let mut rest = open;
+        while rest != 0 {
+            let i = rest.trailing_zeros() as usize % along.len();
+            rest &= rest - 1;
+            let line = Line { from, along: along[i] };
+            let t = height / dot(&self.normal, &splat(line.along));
+            let inside = t.simd_gt(least) & t.simd_lt(greatest);
+            if inside.any() {
+                let hits = (inside & self.contains(&line, t)).to_bitmask();
+                if let Some(face) = self.certain(faces, &line, skip, hits) {
+                    *last = face;
+                    blocked |= 1 << i;
+                }
+            }
+        }
+        blocked
+    }
+
+    /// The first face among these hits that blocks.
+    #[inline]
+    fn certain(&self, faces: &OpaqueFaces, line: &Line, skip: [u32; 2], mut hits: u32) -> Option<u32> {
+        while hits != 0 {
+            let lane = hits.trailing_zeros() as usize % LANES;
+            let face = self.face[lane];
+            let certain = self.polygons >> lane & 1 == 0;
+            if !skip.contains(&face) && (certain || faces.blocks(face, line.from, line.along)) {
+                return Some(face);
+            }
+            hits &= hits - 1;
+        }
+        None
+    }
+
+    /// Calls `found` with each face that the line meets in front of its origin up to `reach`, and where.
+    #[inline]
+    pub fn hits(&self, faces: &OpaqueFaces, line: &Line, reach: f64, mut found: impl FnMut(u32, f64)) {
+        let slope = dot(&self.normal, &splat(line.along));
+        let t = (self.offset - dot(&self.normal, &splat(line.from))) / slope;
+        let ahead = t.simd_gt(f64x4::ZERO) & t.simd_le(f64x4::splat(reach.min(f64::MAX)));
+        if !ahead.any() {
+            return;
+        }
+        let hits = (ahead & self.contains(line, t)).to_bitmask();
+        for lane in (0..LANES).filter(|lane| hits >> lane & 1 != 0) {
+            let face = self.face[lane];
+            if self.polygons >> lane & 1 == 0 || faces.hit(face, line.from, line.along).is_some() {
+                found(face, t.to_array()[lane]);
+            }
+        }
+    }
+
+    /// Where the point at `t` lies in the face, or in the rectangle around a polygon.
+    #[inline]
+    fn contains(&self, line: &Line, t: f64x4) -> f64x4 {
+        let (from, along) = (splat(line.from), splat(line.along));
+        let p = [from[0] + along[0] * t, from[1] + along[1] * t, from[2] + along[2] * t];
+        let (a, b) = (dot(&self.a, &p) - self.a0, dot(&self.b, &p) - self.b0);
+        let far = self.parallelogram.bitselect(a.fast_max(b), a + b);
+        a.fast_min(b).simd_ge(f64x4::splat(-EDGE_OVERLAP)) & far.simd_le(f64x4::splat(1.0 + EDGE_OVERLAP))
+    }
+}
