@@ -96,8 +96,8 @@ fn wrong_usage_ends_with_2_says_what_is_available_and_writes_nothing() {
         ("solve box.iv --method gather", "not available in this version of wrad; available: shoot"),
         ("solve box.iv --links store", "--links store: not available in this version"),
         (
-            "solve box.iv --visibility bsp",
-            "--visibility bsp: not available in this version of wrad; available: bvh, none",
+            "solve box.iv --visibility kd",
+            "--visibility kd: there is no such value; available: bvh, bsp, none",
         ),
         (
             "solve box.iv --schedule inner-loop+lure",
@@ -298,6 +298,33 @@ fn pictures_come_from_scenes_and_from_saved_solutions_alike() {
     assert!(bytes("saved.png") == bytes("scene.png"));
     assert_eq!(place.run("render a.wrad --out mesh.png --size 64x160 --mesh --falsecolor").0, 0);
     assert_eq!(place.run("render a.wrad --out a.exr --size 32x24").0, 0);
+}
+
+#[test]
+fn the_partition_answers_as_the_hierarchy_does() {
+    let place = Place::new();
+    place.put("box.iv", &box_scene("0.7 0.5 0.3", true));
+    place.put("p.csv", PROBES);
+    for structure in ["bvh", "bsp"] {
+        let command = format!(
+            "solve box.iv --error 0.1 --visibility {structure} --probes p.csv --probes-out {structure}.csv --report {structure}.json"
+        );
+        assert_eq!(place.run(&command).0, 0);
+        let report = place.json(&format!("{structure}.json"));
+        assert_eq!(report["options"]["visibility"], structure);
+        assert!(report["memory"]["visibility_depth"].as_u64().unwrap() > 0);
+    }
+    let readings = |name: &str| -> Vec<f64> {
+        let text = place.text(name);
+        let numbers = |line: &str| line.split(',').filter_map(|x| x.parse().ok()).collect::<Vec<f64>>();
+        text.lines().skip(1).flat_map(numbers).collect()
+    };
+    for (a, b) in readings("bvh.csv").iter().zip(readings("bsp.csv")) {
+        assert!(
+            (a - b).abs() <= 1e-9 * a.abs(),
+            "{a} and {b}: candidates are summed in another order, no more"
+        );
+    }
 }
 
 #[test]

@@ -5,7 +5,7 @@ use std::rc::Rc;
 use glam::DVec3;
 use wavelet_radiosity::scene::Scene;
 use wavelet_radiosity::transport::candidates::LIST_LIMIT;
-use wavelet_radiosity::visibility::{Brute, Bvh, Occluder, OpaqueFaces, Shaft};
+use wavelet_radiosity::visibility::{Brute, Bsp, Bvh, Occluder, OpaqueFaces, Shaft};
 
 use crate::workload::Bundle;
 
@@ -18,30 +18,27 @@ pub struct Structure {
     pub count_blocked: CountBlocked,
 }
 
+type Shared = Rc<dyn Occluder>;
+
 /// All of them, or the one of this name: `brute` only when named, for it takes long.
 pub fn structures(scene: &Scene, only: Option<&str>) -> Vec<Structure> {
-    let wanted = |name: &str| only.is_none_or(|only| only == name);
-    let bvh = Rc::new(Bvh::new(OpaqueFaces::new(scene)));
-    let mut found = Vec::new();
-    let mut add = |name: &'static str, occluder: &Rc<Bvh>, count: fn(&dyn Occluder, &[Bundle]) -> usize| {
-        if wanted(name) {
-            let (bytes, occluder) = (occluder.bytes(), Rc::clone(occluder));
-            found.push(Structure { name, bytes, count_blocked: Box::new(move |b| count(&*occluder, b)) });
-        }
+    let faces = || OpaqueFaces::new(scene);
+    let bvh = std::cell::LazyCell::new(|| -> Shared { Rc::new(Bvh::new(faces())) });
+    let bsp = std::cell::LazyCell::new(|| -> Shared { Rc::new(Bsp::new(faces())) });
+    let structure = |name, occluder: &Shared, count: fn(&dyn Occluder, &[Bundle]) -> usize| {
+        let (bytes, occluder) = (occluder.bytes(), Rc::clone(occluder));
+        Structure { name, bytes, count_blocked: Box::new(move |bundles| count(&*occluder, bundles)) }
     };
-    if only == Some("brute") {
-        let brute = Brute(OpaqueFaces::new(scene));
-        let bytes = brute.bytes();
-        return vec![Structure {
-            name: "brute",
-            bytes,
-            count_blocked: Box::new(move |b| one_by_one(&brute, b)),
-        }];
-    }
-    add("bvh", &bvh, one_by_one);
-    add("bvh bundles", &bvh, by_bundles);
-    add("bvh+lists", &bvh, by_lists);
-    found
+    let all: [(&str, &dyn Fn(&'static str) -> Structure); 6] = [
+        ("bvh", &|name| structure(name, &bvh, one_by_one)),
+        ("bvh-bundles", &|name| structure(name, &bvh, by_bundles)),
+        ("bvh+lists", &|name| structure(name, &bvh, by_lists)),
+        ("bsp", &|name| structure(name, &bsp, one_by_one)),
+        ("bsp+lists", &|name| structure(name, &bsp, by_lists)),
+        ("brute", &|name| structure(name, &(Rc::new(Brute(faces())) as Shared), one_by_one)),
+    ];
+    let wanted = |name: &str| only.map_or(name != "brute", |only| only == name);
+    all.into_iter().filter(|(name, _)| wanted(name)).map(|(name, make)| make(name)).collect()
 }
 
 fn one_by_one(occluder: &dyn Occluder, bundles: &[Bundle]) -> usize {

@@ -90,8 +90,8 @@ pub struct SolveArguments {
     /// What refinement looks at: energy (light transported) or geometry (the kernel alone).
     #[arg(long, value_name = "NAME", default_value = "energy")]
     pub oracle: String,
-    /// Visibility: bvh, or none where nothing stands in between. Without it: none for scenes seen to be
-    /// convex, else bvh.
+    /// Visibility: bvh, bsp (the paper's, slower), or none where nothing stands in between. Without it: none
+    /// for scenes seen to be convex, else bvh.
     #[arg(long, value_name = "NAME")]
     pub visibility: Option<String>,
     /// Computes direct illumination only.

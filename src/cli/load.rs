@@ -6,25 +6,27 @@ use std::time::Instant;
 use glam::{DVec2, DVec3};
 
 use crate::scene::{self, OfFaces, Scene, Surface};
-use crate::visibility::{Bvh, Occluder, OpaqueFaces};
+use crate::visibility::{Bsp, Bvh, Occluder, OpaqueFaces};
 
 use super::Error;
+use super::plan::Visibility;
 
 /// A scene that can be solved.
 pub(super) struct Loaded {
     pub scene: Scene,
     pub surfaces: Vec<Surface>,
-    pub bvh: Bvh,
+    /// What tells which faces stand in between.
+    pub occluder: Box<dyn Occluder + Send>,
     pub load_s: f64,
     pub build_s: f64,
 }
 
 impl Loaded {
-    /// Reads a scene and prepares it.
+    /// Reads a scene and prepares it: a partition where one is asked for, else a hierarchy, which pictures and probes need in any case.
     ///
     /// # Errors
     /// A file that cannot be read, or that holds nothing to solve.
-    pub fn read(path: &Path) -> Result<Loaded, Error> {
+    pub fn read(path: &Path, visibility: Visibility) -> Result<Loaded, Error> {
         let start = Instant::now();
         let scene = scene::read::read_file(path)?;
         let load_s = start.elapsed().as_secs_f64();
@@ -36,8 +38,12 @@ impl Loaded {
         }
         let start = Instant::now();
         let surfaces = scene::surfaces(&scene);
-        let bvh = Bvh::new(OpaqueFaces::new(&scene));
-        Ok(Loaded { scene, surfaces, bvh, load_s, build_s: start.elapsed().as_secs_f64() })
+        let faces = OpaqueFaces::new(&scene);
+        let occluder: Box<dyn Occluder + Send> = match visibility {
+            Visibility::Bsp => Box::new(Bsp::new(faces)),
+            _ => Box::new(Bvh::new(faces)),
+        };
+        Ok(Loaded { scene, surfaces, occluder, load_s, build_s: start.elapsed().as_secs_f64() })
     }
 
     /// What a user should know before the result: one line each.

@@ -66,6 +66,8 @@ pub enum Visibility {
     Auto,
     /// By the hierarchy.
     Bvh,
+    /// By the binary space partition.
+    Bsp,
     /// Nothing stands in between.
     None,
 }
@@ -138,8 +140,9 @@ impl SolvePlan {
         let visibility = match &arguments.visibility {
             None => Visibility::Auto,
             Some(name) => {
-                let available = [("bvh", Visibility::Bvh), ("none", Visibility::None)];
-                choose("--visibility", name, &available, &["bsp"])?
+                let available =
+                    [("bvh", Visibility::Bvh), ("bsp", Visibility::Bsp), ("none", Visibility::None)];
+                choose("--visibility", name, &available, &[])?
             }
         };
         for path in &arguments.out {

@@ -12,7 +12,7 @@ use crate::output::report::{Known, Memory, Outcome, Program, Report, SceneFacts,
 use crate::transport::Oracle;
 
 use super::load::Loaded;
-use super::plan::{SolvePlan, basis_name};
+use super::plan::{SolvePlan, Visibility, basis_name};
 use super::solve::Solved;
 
 /// The report; `start` is when the program started.
@@ -30,7 +30,7 @@ pub(super) fn of_run(
         options: options(plan, solved),
         work: work(solved),
         result: result(solved),
-        memory: memory(solved),
+        memory: memory(solved, loaded.occluder.depth()),
         workers: solved.workers.clone(),
         counters: Known::unavailable(plan.no_counters),
         time_s: Times {
@@ -51,6 +51,11 @@ fn options(plan: &SolvePlan, solved: &Solved) -> BTreeMap<String, Value> {
         Oracle::Geometry => json!("geometry"),
         Oracle::Uniform(levels) => json!({ "uniform": levels }),
     };
+    let visibility = match plan.visibility {
+        _ if solved.unoccluded => "none",
+        Visibility::Bsp => "bsp",
+        _ => "bvh",
+    };
     let pairs = [
         ("scene", json!(path(&plan.scene))),
         ("error", json!(plan.options.error)),
@@ -58,7 +63,7 @@ fn options(plan: &SolvePlan, solved: &Solved) -> BTreeMap<String, Value> {
         ("method", json!("shoot")),
         ("links", json!("recompute")),
         ("oracle", oracle),
-        ("visibility", json!(if solved.unoccluded { "none" } else { "bvh" })),
+        ("visibility", json!(visibility)),
         ("direct_only", json!(plan.options.direct_only)),
         ("schedule", json!(plan.workers.schedule)),
         ("threads", json!(plan.workers.count())),
@@ -113,7 +118,7 @@ fn result(solved: &Solved) -> Outcome {
     }
 }
 
-fn memory(solved: &Solved) -> Memory {
+fn memory(solved: &Solved, visibility_depth: usize) -> Memory {
     let footprint = &solved.outcome.footprint;
     let bytes = footprint.element_bytes;
     let elements = solved.outcome.elements;
@@ -136,6 +141,7 @@ fn memory(solved: &Solved) -> Memory {
         pages_per_node: by_node(&footprint.pages_per_node),
         pages_at_home: footprint.pages_at_home.clone().into(),
         surfaces_moved: footprint.moved,
+        visibility_depth,
         notes: ccnuma::warnings::all(),
     }
 }

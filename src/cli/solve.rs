@@ -32,7 +32,7 @@ pub(super) struct Solved {
 /// Runs the plan; `start` is when the program started.
 pub(super) fn run(plan: &SolvePlan, start: Instant) -> Result<Status, Error> {
     let probes = plan.probes.as_ref().map(|(input, _)| Probes::read(input)).transpose()?;
-    let loaded = Loaded::read(&plan.scene)?;
+    let loaded = Loaded::read(&plan.scene, plan.visibility)?;
     check(plan, probes.as_ref(), &loaded)?;
     let solved = solve(&loaded, &plan.options, &plan.workers, plan.visibility, plan.quiet)?;
     let writing = Instant::now();
@@ -83,11 +83,11 @@ pub(super) fn solve(
     interrupt::install(quiet);
     let unoccluded = match visibility {
         Visibility::Auto => nothing_between(&loaded.scene),
-        Visibility::Bvh => false,
+        Visibility::Bvh | Visibility::Bsp => false,
         Visibility::None => true,
     };
-    let nothing = Unoccluded(&loaded.bvh);
-    let occluder: &dyn Occluder = if unoccluded { &nothing } else { &loaded.bvh };
+    let nothing = Unoccluded(&*loaded.occluder);
+    let occluder: &dyn Occluder = if unoccluded { &nothing } else { &*loaded.occluder };
     let mut team = workers.team()?;
     let mut watch = Watch::new(quiet);
     let grey = grey::one_band(&loaded.scene, &loaded.surfaces);
@@ -129,13 +129,13 @@ fn write_results(
     let mut failures = Vec::new();
     if let (Some(probes), Some((_, path))) = (probes, &plan.probes) {
         // Sensors may stand where surfaces do not: outside a convex scene, behind its faces.
-        let nothing = Unoccluded(&loaded.bvh);
+        let nothing = Unoccluded(&*loaded.occluder);
         let occluder: &dyn Occluder =
-            if plan.visibility == Visibility::None { &nothing } else { &loaded.bvh };
+            if plan.visibility == Visibility::None { &nothing } else { &*loaded.occluder };
         let readings = read_probes(solution, occluder, &probes.points);
         failures.extend(probes.write(&readings, &solution.scene.bands, path).err());
     }
-    let cast = caster(&solution.surfaces, &loaded.bvh);
+    let cast = caster(&solution.surfaces, &*loaded.occluder);
     for path in &plan.out {
         failures.extend(output::write(solution, path, &ImageOptions::default(), &cast).err());
     }

@@ -212,6 +212,8 @@ pub struct Memory {
     pub pages_at_home: Known<f64>,
     /// Trees that moved to another home before a pass, because the work expected or recorded was lopsided.
     pub surfaces_moved: u64,
+    /// Nodes on the longest path of the visibility structure, leaves not counted.
+    pub visibility_depth: usize,
     /// What the system did not do as asked, such as binding pages.
     pub notes: Vec<String>,
 }
@@ -370,6 +372,7 @@ pub(super) mod tests {
                 pages_per_node: Known::unavailable("move_pages is not permitted here"),
                 pages_at_home: Known::Value(0.998),
                 surfaces_moved: 3,
+                visibility_depth: 7,
                 notes: Vec::new(),
             },
             workers: vec![worker.clone(), worker],

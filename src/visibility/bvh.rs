@@ -28,6 +28,7 @@ pub struct Bvh {
     centre: DVec3,
     /// The greatest coordinate of a box.
     extent: f64,
+    depth: usize,
 }
 
 #[derive(Clone)]
@@ -78,17 +79,18 @@ impl Bvh {
         let tree = BinaryTree::new(&faces);
         let (nodes, blocks) = (Vec::new(), Vec::new());
         let Some(root) = tree.nodes.first() else {
-            return Self { faces, nodes, blocks, centre: DVec3::ZERO, extent: 0.0 };
+            return Self { faces, nodes, blocks, centre: DVec3::ZERO, extent: 0.0, depth: 0 };
         };
         let centre = 0.5 * (root.low + root.high);
         let extent = (0.5 * (root.high - root.low)).max_element() * (1.0 + f64::from(f32::EPSILON));
-        let mut bvh = Self { faces, nodes, blocks, centre, extent };
-        bvh.collapse(&tree, 0);
+        let mut bvh = Self { faces, nodes, blocks, centre, extent, depth: 0 };
+        bvh.collapse(&tree, 0, 1);
         bvh
     }
 
     /// Makes a node of a subtree; returns its index.
-    fn collapse(&mut self, tree: &BinaryTree, root: u32) -> u32 {
+    fn collapse(&mut self, tree: &BinaryTree, root: u32, depth: usize) -> u32 {
+        self.depth = self.depth.max(depth);
         let mut members = vec![root];
         while members.len() < WIDTH {
             let area = |i: &usize| {
@@ -105,7 +107,7 @@ impl Bvh {
         self.nodes.push(Node { boxes: self.boxes(&of_members), children: [0; WIDTH] });
         for (lane, node) in of_members.iter().enumerate() {
             self.nodes[index].children[lane] = match node.count {
-                0 => self.collapse(tree, members[lane]),
+                0 => self.collapse(tree, members[lane], depth + 1),
                 count => self.add_leaf(&tree.order[node.start as usize..(node.start + count) as usize]),
             };
         }
@@ -254,59 +256,11 @@ impl Occluder for Bvh {
         self.faces.bytes() + size_of_val(&*self.nodes) + size_of_val(&*self.blocks)
     }
 
+    fn depth(&self) -> usize {
+        self.depth
+    }
+
     fn replica(&self) -> Option<Box<dyn Occluder + Send>> {
         Some(Box::new(self.clone()))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::super::Brute;
-    use super::*;
-    use crate::scene::{Face, Material, Scene, Sides};
-    use proptest::prelude::*;
-
-    fn soup(triangles: &[[f64; 9]]) -> Scene {
-        let face = |t: &[f64; 9]| Face {
-            vertices: t.chunks(3).map(DVec3::from_slice).collect(),
-            material: 0,
-            sides: Sides::Two,
-        };
-        let grey = Material { reflectance: vec![0.5], exitance_w_m2: vec![0.0] };
-        Scene {
-            faces: triangles.iter().map(face).collect(),
-            materials: vec![grey],
-            bands: vec!["grey".into()],
-            ..Scene::default()
-        }
-    }
-
-    proptest! {
-        #[test]
-        fn agrees_with_brute_force(
-            triangles in proptest::collection::vec(proptest::array::uniform9(-1.0..1.0f64), 1..80),
-            segments in proptest::collection::vec(proptest::array::uniform6(-1.5..1.5f64), 40),
-        ) {
-            let scene = soup(&triangles);
-            let (bvh, brute) = (Bvh::new(OpaqueFaces::new(&scene)), Brute(OpaqueFaces::new(&scene)));
-            for s in segments {
-                let (a, b) = (DVec3::from_slice(&s[..3]), DVec3::from_slice(&s[3..]));
-                prop_assert_eq!(bvh.blocker(a, b, [0, 1]).is_some(), brute.blocker(a, b, [0, 1]).is_some());
-                prop_assert_eq!(bvh.first_hit(a, b - a), brute.first_hit(a, b - a));
-                let across = [a, a + 0.1 * DVec3::X, a + 0.1 * DVec3::Y];
-                let shaft = Shaft::between(&across, None, &[b], None);
-                let (mut x, mut y) = (Vec::new(), Vec::new());
-                bvh.candidates(&shaft, [0, 0], usize::MAX, &mut x);
-                brute.candidates(&shaft, [0, 0], usize::MAX, &mut y);
-                x.sort();
-                prop_assert_eq!(&x, &y);
-                for w in [0.2, 0.5, 0.9] {
-                    let from = a + 0.05 * (DVec3::X + w * DVec3::Y);
-                    if let Some(f) = brute.blocker(from, b, [0, 0]) {
-                        prop_assert!(y.contains(&f), "blocker {} is missing among the candidates {:?}", f, y);
-                    }
-                }
-            }
-        }
     }
 }

@@ -7,6 +7,7 @@ mod beam;
 mod binned;
 mod block;
 mod brute;
+mod bsp;
 mod bvh;
 mod convex;
 mod opaque;
@@ -15,6 +16,7 @@ mod shaft;
 use glam::DVec3;
 
 pub use brute::Brute;
+pub use bsp::Bsp;
 pub use bvh::Bvh;
 pub use convex::nothing_between;
 pub use opaque::OpaqueFaces;
@@ -62,6 +64,11 @@ pub trait Occluder: Sync {
     /// Bytes that it takes.
     fn bytes(&self) -> usize;
 
+    /// Nodes on the longest path from its root to a leaf, leaves not counted; 0 where it has no root.
+    fn depth(&self) -> usize {
+        0
+    }
+
     /// A copy in memory that the calling thread touches first; `None` where it is not asked often enough for copies to pay.
     fn replica(&self) -> Option<Box<dyn Occluder + Send>> {
         None
@@ -95,6 +102,10 @@ impl<T: Occluder + ?Sized> Occluder for &T {
 
     fn bytes(&self) -> usize {
         (**self).bytes()
+    }
+
+    fn depth(&self) -> usize {
+        (**self).depth()
     }
 
     fn replica(&self) -> Option<Box<dyn Occluder + Send>> {
@@ -135,5 +146,85 @@ impl<T: Occluder> Occluder for Unoccluded<T> {
 
     fn bytes(&self) -> usize {
         self.0.bytes()
+    }
+
+    fn depth(&self) -> usize {
+        self.0.depth()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Face, Material, Scene, Sides};
+    use proptest::prelude::*;
+
+    fn soup(triangles: &[[f64; 9]]) -> Scene {
+        let face = |t: &[f64; 9]| Face {
+            vertices: t.chunks(3).map(DVec3::from_slice).collect(),
+            material: 0,
+            sides: Sides::Two,
+        };
+        let grey = Material { reflectance: vec![0.5], exitance_w_m2: vec![0.0] };
+        Scene {
+            faces: triangles.iter().map(face).collect(),
+            materials: vec![grey],
+            bands: vec!["grey".into()],
+            ..Scene::default()
+        }
+    }
+
+    /// Whether a structure answers as brute force does about what lies between `a` and points around `b`.
+    fn check(structure: &dyn Occluder, brute: &Brute, a: DVec3, b: DVec3) -> Result<(), TestCaseError> {
+        prop_assert_eq!(structure.blocker(a, b, [0, 1]).is_some(), brute.blocker(a, b, [0, 1]).is_some());
+        prop_assert_eq!(structure.first_hit(a, b - a), brute.first_hit(a, b - a));
+        let around: Vec<DVec3> =
+            (0..11).map(|i| b + 0.2 * i as f64 * (DVec3::new(a.z, a.x, a.y) - b)).collect();
+        let mut last = 1;
+        let (found, truth) =
+            (structure.blocked(a, &around, [0, 1], &mut last), brute.blocked(a, &around, [0, 1], &mut 1));
+        prop_assert_eq!(found, truth, "depth {} from {:?} to {:?}", structure.depth(), a, around);
+        let blocks = |to: &DVec3| brute.faces().blocks(last, a, to - a);
+        prop_assert!(found == 0 || around.iter().any(blocks), "face {} blocks none", last);
+        // Askew, so that it is flat on no face.
+        let (u, v) = (DVec3::new(0.1, 0.031, 0.017), DVec3::new(0.023, 0.1, -0.041));
+        let shaft = Shaft::between(&[a, a + u, a + v], None, &[b], None);
+        let (mut listed, mut all) = (Vec::new(), Vec::new());
+        structure.candidates(&shaft, [0, 0], usize::MAX, &mut listed);
+        brute.candidates(&shaft, [0, 0], usize::MAX, &mut all);
+        prop_assert!(listed.iter().all(|face| all.contains(face)), "{:?} besides {:?}", listed, all);
+        for w in [0.2, 0.5, 0.9] {
+            let from = a + 0.5 * (u + w * v);
+            if let Some(f) = brute.blocker(from, b, [0, 0]) {
+                prop_assert!(
+                    listed.contains(&f),
+                    "blocker {} is missing among the candidates {:?}",
+                    f,
+                    listed
+                );
+            }
+        }
+        Ok(())
+    }
+
+    proptest! {
+        #[test]
+        fn structures_agree_with_brute_force(
+            triangles in proptest::collection::vec(proptest::array::uniform9(-1.0..1.0f64), 1..80),
+            segments in proptest::collection::vec(proptest::array::uniform6(-1.5..1.5f64), 40),
+            grid in proptest::bool::ANY,
+        ) {
+            // Corners and ends on a coarse grid: segments in planes of boxes, through edges and corners.
+            let snap = |x: f64| if grid { (4.0 * x).round() / 4.0 } else { x };
+            let triangles: Vec<[f64; 9]> = triangles.iter().map(|t| t.map(snap)).collect();
+            let faces = || OpaqueFaces::new(&soup(&triangles));
+            let (bvh, bsp, brute) = (Bvh::new(faces()), Bsp::new(faces()), Brute(faces()));
+            for s in segments {
+                let s = s.map(snap);
+                let (a, b) = (DVec3::from_slice(&s[..3]), DVec3::from_slice(&s[3..]));
+                check(&bvh, &brute, a, b)?;
+                check(&bsp, &brute, a, b)?;
+            }
+        }
     }
 }

@@ -228,6 +228,12 @@ impl OpaqueFaces {
         (face.low, face.high)
     }
 
+    /// The face's plane: unit normal, 0 for a face that nothing hits, and the offset along it.
+    pub(super) fn plane(&self, face: u32) -> (DVec3, f64) {
+        let face = &self.faces[face as usize];
+        (face.normal, face.offset)
+    }
+
     /// What segments are tested against.
     pub(super) fn parts(&self, face: u32) -> Parts {
         let Prepared { normal, offset, ref corner, .. } = self.faces[face as usize];

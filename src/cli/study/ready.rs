@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use crate::cli::load::Loaded;
+use crate::cli::plan::Visibility;
 use crate::cli::{Error, grey};
 use crate::output::report::SceneFacts;
 use crate::scene::{Scene, Surface};
@@ -20,7 +21,7 @@ impl Ready {
     /// # Errors
     /// As [`Loaded::read`].
     pub fn read(path: &Path, quiet: bool) -> Result<Ready, Error> {
-        let loaded = Loaded::read(path)?;
+        let loaded = Loaded::read(path, Visibility::Auto)?;
         if !quiet {
             loaded.warnings().iter().for_each(|warning| eprintln!("wrad: warning: {warning}"));
         }
@@ -39,8 +40,8 @@ impl Ready {
     /// What may stand between surfaces.
     pub fn occluder(&self) -> Box<dyn Occluder + '_> {
         match nothing_between(&self.loaded.scene) {
-            true => Box::new(Unoccluded(&self.loaded.bvh)),
-            false => Box::new(&self.loaded.bvh),
+            true => Box::new(Unoccluded(&*self.loaded.occluder)),
+            false => Box::new(&*self.loaded.occluder),
         }
     }
 
