@@ -11,8 +11,9 @@ use wide::f32x8;
 
 use super::MAX_BUNDLE;
 
-/// Share of the coordinates by which boxes are taken to be larger: four roundings of an f32.
-const PAD: f64 = 1.0 / (1u32 << 21) as f64;
+/// Share of the coordinates by which boxes are taken to be larger: sixteen roundings of an f32, and three times what faces at most reach
+/// beyond their edges.
+const PAD: f64 = 1.0 / (1u32 << 20) as f64;
 /// Share by which the greatest t is taken to be larger.
 const SLACK: f32 = 1.0 + 1.0 / (1u32 << 20) as f32;
 /// Directions are taken to be at least this steep, relative to the longest, so that bounds stay finite.

@@ -4,7 +4,7 @@
 use glam::DVec3;
 use wide::f64x4;
 
-use super::opaque::{EDGE_OVERLAP, Parts};
+use super::opaque::{Parts, doubt, overlaps};
 use super::{END_MARGIN, OpaqueFaces};
 
 /// Faces per block.
@@ -21,6 +21,7 @@ pub(super) struct Block {
     a0: f64x4,
     b: [f64x4; 3],
     b0: f64x4,
+    per_size: f64x4,
     /// All bits where the far half of the parallelogram belongs to the face.
     parallelogram: f64x4,
     /// Which faces these are.
@@ -70,6 +71,7 @@ impl Block {
             a0: lanes(&|part| part.corner.a0),
             b: vector(&|part| part.corner.b),
             b0: lanes(&|part| part.corner.b0),
+            per_size: lanes(&|part| part.corner.per_size),
             parallelogram: lanes(&mask),
             face: std::array::from_fn(|i| list.get(i).copied().unwrap_or(NO_FACE)),
             polygons: (0..LANES).map(|i| (parts[i].polygon as u32) << i).sum(),
@@ -96,10 +98,11 @@ impl Block {
             let i = rest.trailing_zeros() as usize % along.len();
             rest &= rest - 1;
             let line = Line { from, along: along[i] };
-            let t = height / dot(&self.normal, &splat(line.along));
+            let slope = dot(&self.normal, &splat(line.along));
+            let t = height / slope;
             let inside = t.simd_gt(least) & t.simd_lt(greatest);
             if inside.any() {
-                let hits = (inside & self.contains(&line, t)).to_bitmask();
+                let hits = (inside & self.contains(&line, t, slope)).to_bitmask();
                 if let Some(face) = self.certain(faces, &line, skip, hits) {
                     *last = face;
                     blocked |= 1 << i;
@@ -133,7 +136,7 @@ impl Block {
         if !ahead.any() {
             return;
         }
-        let hits = (ahead & self.contains(line, t)).to_bitmask();
+        let hits = (ahead & self.contains(line, t, slope)).to_bitmask();
         for lane in (0..LANES).filter(|lane| hits >> lane & 1 != 0) {
             let face = self.face[lane];
             if self.polygons >> lane & 1 == 0 || faces.hit(face, line.from, line.along).is_some() {
@@ -144,11 +147,12 @@ impl Block {
 
     /// Where the point at `t` lies in the face, or in the rectangle around a polygon.
     #[inline]
-    fn contains(&self, line: &Line, t: f64x4) -> f64x4 {
+    fn contains(&self, line: &Line, t: f64x4, slope: f64x4) -> f64x4 {
         let (from, along) = (splat(line.from), splat(line.along));
         let p = [from[0] + along[0] * t, from[1] + along[1] * t, from[2] + along[2] * t];
         let (a, b) = (dot(&self.a, &p) - self.a0, dot(&self.b, &p) - self.b0);
         let far = self.parallelogram.bitselect(a.fast_max(b), a + b);
-        a.fast_min(b).simd_ge(f64x4::splat(-EDGE_OVERLAP)) & far.simd_le(f64x4::splat(1.0 + EDGE_OVERLAP))
+        let overlap = overlaps(doubt(line.from, line.along), self.per_size, slope);
+        a.fast_min(b).simd_ge(-overlap) & far.simd_le(f64x4::ONE + overlap)
     }
 }

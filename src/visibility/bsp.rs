@@ -15,8 +15,8 @@ const LEAF_FACES: usize = 4;
 const STEP_COST: f64 = 0.7;
 /// Longest path from the root.
 const MAX_DEPTH: usize = 48;
-/// Share of the scene's size by which cells overlap.
-const OVERLAP: f64 = 1e-9;
+/// Share of the scene's size by which cells overlap: more than faces ever reach beyond their edges.
+const OVERLAP: f64 = 1e-6;
 /// Share of coordinates that rounding may take from where a segment crosses a plane.
 const ROUNDING: f64 = 16.0 * f64::EPSILON;
 /// Kinds of nodes from here on are leaves.

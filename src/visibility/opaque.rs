@@ -1,6 +1,7 @@
 //! The faces of a scene prepared for segment tests: planes, boxes, and corners projected along the dominant axis.
 
 use glam::{DVec2, DVec3};
+use wide::f64x4;
 
 use crate::scene::Scene;
 
@@ -41,6 +42,8 @@ pub(super) struct Corner {
     pub b0: f64,
     /// Whether the far half belongs to the face too.
     pub parallelogram: bool,
+    /// One over the lesser height, per metre.
+    pub per_size: f64,
 }
 
 /// What a segment is tested against.
@@ -53,8 +56,33 @@ pub(super) struct Parts {
     pub polygon: bool,
 }
 
-/// Edges of triangles and parallelograms reach this much further, relative to their length, so that neighbours leave no gap.
-pub(super) const EDGE_OVERLAP: f64 = 1e-12;
+/// Faces reach this much further than their edges, relative to their size, so that neighbours leave no gap.
+const EDGE_OVERLAP: f64 = 1e-12;
+/// The most that they reach further for a segment that all but lies in their plane.
+const MOST_OVERLAP: f64 = 1e-7;
+/// Roundings in where a segment meets a plane, relative to the coordinates.
+const ROUNDING: f64 = 16.0 * f64::EPSILON;
+
+/// How uncertain the meeting of a segment and a plane is, in metres along the segment: this over the slope `n·along`. Two faces that share
+/// an edge each take the segment through it to end up beyond by this much, and both must still say yes.
+#[inline]
+pub(super) fn doubt(from: DVec3, along: DVec3) -> f64 {
+    let length = along.abs().element_sum();
+    ROUNDING * (from.abs().element_sum() + length) * length
+}
+
+/// How far a face reaches beyond its edges, relative to its size, where `per_size` is one over that.
+#[inline]
+fn overlap(doubt: f64, per_size: f64, slope: f64) -> f64 {
+    (EDGE_OVERLAP + doubt * per_size / slope.abs()).min(MOST_OVERLAP)
+}
+
+/// As [`overlap`], for four faces.
+#[inline(always)]
+pub(super) fn overlaps(doubt: f64, per_size: f64x4, slope: f64x4) -> f64x4 {
+    let overlap = f64x4::splat(EDGE_OVERLAP) + f64x4::splat(doubt) * per_size / slope.abs();
+    overlap.fast_min(f64x4::splat(MOST_OVERLAP))
+}
 
 impl Corner {
     fn new(vertices: &[DVec3]) -> Option<Self> {
@@ -69,7 +97,8 @@ impl Corner {
         let square = normal.length_squared();
         let (a, b) = (v.cross(normal) / square, normal.cross(u) / square);
         let usable = a.is_finite() && b.is_finite();
-        usable.then(|| Self { a, a0: a.dot(vertices[0]), b, b0: b.dot(vertices[0]), parallelogram })
+        let (a0, b0, per_size) = (a.dot(vertices[0]), b.dot(vertices[0]), a.length().max(b.length()));
+        usable.then_some(Self { a, a0, b, b0, parallelogram, per_size })
     }
 
     /// A rectangle around a polygon, along its longest edge, larger than any rounding.
@@ -86,14 +115,14 @@ impl Corner {
             if range > 0.0 { (direction / range, (low - margin) / range) } else { (DVec3::ZERO, 0.0) }
         };
         let ((a, a0), (b, b0)) = (side(along), side(normal.cross(along)));
-        Self { a, a0, b, b0, parallelogram: true }
+        Self { a, a0, b, b0, parallelogram: true, per_size: 0.0 }
     }
 
     #[inline]
-    fn contains(&self, p: DVec3) -> bool {
+    fn contains(&self, p: DVec3, overlap: f64) -> bool {
         let (a, b) = (self.a.dot(p) - self.a0, self.b.dot(p) - self.b0);
         let far = if self.parallelogram { a.max(b) } else { a + b };
-        a.min(b) >= -EDGE_OVERLAP && far <= 1.0 + EDGE_OVERLAP
+        a.min(b) >= -overlap && far <= 1.0 + overlap
     }
 }
 
@@ -257,7 +286,7 @@ impl OpaqueFaces {
             return None;
         }
         let t = (face.offset - face.normal.dot(from)) / slope;
-        (t.is_finite() && self.contains(face, from + along * t)).then_some(t)
+        (t.is_finite() && self.contains(face, from, along, t, slope)).then_some(t)
     }
 
     /// Whether the face blocks the open segment from `from` along `along` (t from 0 to 1, less the end margins).
@@ -270,16 +299,33 @@ impl OpaqueFaces {
         if !(t > super::END_MARGIN && t < 1.0 - super::END_MARGIN) {
             return false;
         }
-        self.contains(face, from + along * t)
+        self.contains(face, from, along, t, slope)
     }
 
-    /// Whether a point of the face's plane lies in the polygon.
+    /// Whether the point at `t` of the face's plane lies in the polygon, or as near to its edges as the segment's meeting with them is
+    /// uncertain.
     #[inline]
-    fn contains(&self, face: &Prepared, p: DVec3) -> bool {
+    fn contains(&self, face: &Prepared, from: DVec3, along: DVec3, t: f64, slope: f64) -> bool {
+        let p = from + along * t;
         match &face.corner {
-            Some(corner) => corner.contains(p),
-            None => self.even_odd(face, project(p, face.axis)),
+            Some(corner) => corner.contains(p, overlap(doubt(from, along), corner.per_size, slope)),
+            None => {
+                let (p, size) = (project(p, face.axis), (face.high - face.low).max_element());
+                let near = || size * overlap(doubt(from, along), 1.0 / size, slope);
+                self.even_odd(face, p) || self.is_on_edge(face, p, near())
+            }
         }
+    }
+
+    /// Whether a point is this near to an edge.
+    fn is_on_edge(&self, face: &Prepared, p: DVec2, near: f64) -> bool {
+        let corners = &self.corners[face.first as usize..(face.first + face.count) as usize];
+        let ends = corners.iter().zip(corners.iter().cycle().skip(1));
+        ends.into_iter().any(|(a, b)| {
+            let (edge, to) = (*b - *a, p - *a);
+            let along = (edge.dot(to) / edge.length_squared()).clamp(0.0, 1.0);
+            to.distance_squared(edge * along) <= near * near
+        })
     }
 
     /// Even–odd test. Each edge is evaluated from its lower end, so that two faces that share it agree to the last bit.
