@@ -7,6 +7,7 @@ use wavelet_radiosity::scene::Scene;
 use wavelet_radiosity::transport::candidates::LIST_LIMIT;
 use wavelet_radiosity::visibility::{Brute, Bsp, Bvh, Occluder, OpaqueFaces, Shaft};
 
+use crate::peers::Obvhs;
 use crate::workload::Bundle;
 
 type CountBlocked = Box<dyn Fn(&[Bundle]) -> usize>;
@@ -29,12 +30,20 @@ pub fn structures(scene: &Scene, only: Option<&str>) -> Vec<Structure> {
         let (bytes, occluder) = (occluder.bytes(), Rc::clone(occluder));
         Structure { name, bytes, count_blocked: Box::new(move |bundles| count(&*occluder, bundles)) }
     };
-    let all: [(&str, &dyn Fn(&'static str) -> Structure); 6] = [
+    let all: [(&str, &dyn Fn(&'static str) -> Structure); 7] = [
         ("bvh", &|name| structure(name, &bvh, one_by_one)),
         ("bvh-bundles", &|name| structure(name, &bvh, by_bundles)),
         ("bvh+lists", &|name| structure(name, &bvh, by_lists)),
         ("bsp", &|name| structure(name, &bsp, one_by_one)),
         ("bsp+lists", &|name| structure(name, &bsp, by_lists)),
+        ("obvhs", &|name| {
+            let obvhs = Obvhs::new(&faces());
+            Structure {
+                name,
+                bytes: obvhs.bytes(),
+                count_blocked: Box::new(move |bundles| obvhs.count_blocked(bundles)),
+            }
+        }),
         ("brute", &|name| structure(name, &(Rc::new(Brute(faces())) as Shared), one_by_one)),
     ];
     let wanted = |name: &str| only.map_or(name != "brute", |only| only == name);

@@ -323,8 +323,11 @@ impl OpaqueFaces {
         let ends = corners.iter().zip(corners.iter().cycle().skip(1));
         ends.into_iter().any(|(a, b)| {
             let (edge, to) = (*b - *a, p - *a);
-            let along = (edge.dot(to) / edge.length_squared()).clamp(0.0, 1.0);
-            to.distance_squared(edge * along) <= near * near
+            let (square, off) = (edge.length_squared(), edge.perp_dot(to));
+            off * off <= near * near * square && square > 0.0 && {
+                let (along, slack) = (edge.dot(to), near * square.sqrt());
+                along >= -slack && along <= square + slack
+            }
         })
     }
 
