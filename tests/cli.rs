@@ -93,7 +93,8 @@ fn wrong_usage_ends_with_2_says_what_is_available_and_writes_nothing() {
         ("solve box.iv --error -1", "--error -1: expected a number above 0"),
         ("solve box.iv --error fine", "--error fine: expected a number"),
         ("solve box.iv --basis m4", "--basis m4: there is no such value; available: haar, m2, m3, auto"),
-        ("solve box.iv --method gather", "not available in this version of wrad; available: shoot"),
+        ("solve box.iv --method pull", "--method pull: there is no such value; available: shoot, gather"),
+        ("solve box.iv --method gather --schedule outer-loop", "use stealing or sequential"),
         ("solve box.iv --links store", "--links store: not available in this version"),
         (
             "solve box.iv --visibility bsp",

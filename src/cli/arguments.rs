@@ -81,7 +81,7 @@ pub struct SolveArguments {
     /// How finely.
     #[command(flatten)]
     pub accuracy: AccuracyArguments,
-    /// Solver: shoot.
+    /// Solver: shoot, progressively, or gather, which makes all light afresh until it changes no more; for schedules stealing and sequential.
     #[arg(long, value_name = "NAME", default_value = "shoot")]
     pub method: String,
     /// Links between elements: recompute or auto.

@@ -155,7 +155,8 @@ impl SolvePlan {
         let (threads, pin) = (arguments.threads.as_deref(), arguments.pin.as_deref());
         Ok(SolvePlan {
             workers: Workers::new(&arguments.schedule, threads, pin)?
-                .with_memory(arguments.memory.as_deref())?,
+                .with_memory(arguments.memory.as_deref())?
+                .with_method(&arguments.method)?,
             scene: arguments.scene,
             options,
             visibility,
@@ -174,7 +175,6 @@ fn paths<'a>(paths: impl Iterator<Item = &'a PathBuf>) -> Vec<&'a Path> {
 
 /// Refuses what the contract of the command line names and this version cannot do.
 fn only_what_exists(arguments: &SolveArguments) -> Result<(), Error> {
-    choose("--method", &arguments.method, &[("shoot", ())], &["gather"])?;
     choose("--links", &arguments.links, &[("recompute", ()), ("auto", ())], &["store"])?;
     choose("--counters", &arguments.counters, &[("auto", ()), ("off", ())], &["hardware", "simulated"])
 }

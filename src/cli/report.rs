@@ -9,6 +9,7 @@ use serde_json::{Value, json};
 use crate::output::energy_balance;
 use crate::output::machine::{Machine, peak_memory_bytes};
 use crate::output::report::{Known, Memory, Outcome, Program, Report, SceneFacts, Times, Work};
+use crate::schedule::Batches;
 use crate::transport::Oracle;
 
 use super::load::Loaded;
@@ -55,7 +56,7 @@ fn options(plan: &SolvePlan, solved: &Solved) -> BTreeMap<String, Value> {
         ("scene", json!(path(&plan.scene))),
         ("error", json!(plan.options.error)),
         ("basis", json!(basis_name(plan.options.basis))),
-        ("method", json!("shoot")),
+        ("method", json!(if plan.workers.batches == Batches::All { "gather" } else { "shoot" })),
         ("links", json!("recompute")),
         ("oracle", oracle),
         ("visibility", json!(if solved.unoccluded { "none" } else { "bvh" })),

@@ -33,6 +33,8 @@ pub enum Batches {
     Single,
     /// There are no batches: emitters follow each other without a barrier. Without a team, as [`Batches::Single`].
     None(Walks),
+    /// All of them, and each sends all that it reflects, until that changes no more: the paper's gathering ([`super::gathering`]).
+    All,
 }
 
 impl Batches {
@@ -49,7 +51,7 @@ impl Batches {
         let mut lit = brightest(trees, f64::NEG_INFINITY);
         let most = match self {
             Batches::Single | Batches::None(_) => 1,
-            Batches::Fitted => {
+            Batches::Fitted | Batches::All => {
                 let lit = lit.len() as f64;
                 (LARGEST_SHARE * lit).min(lit.sqrt()).max(1.0) as usize
             }

@@ -17,6 +17,7 @@ pub mod control;
 mod copies;
 mod crew;
 mod footprint;
+mod gathering;
 pub mod homes;
 mod mixing;
 mod parts;
