@@ -52,12 +52,18 @@ fn options(plan: &SolvePlan, solved: &Solved) -> BTreeMap<String, Value> {
         Oracle::Geometry => json!("geometry"),
         Oracle::Uniform(levels) => json!({ "uniform": levels }),
     };
+    let (method, links, link_memory) = match plan.workers.batches {
+        Batches::All { link_bytes: 0 } => ("gather", "recompute", None),
+        Batches::All { link_bytes } => ("gather", "store", Some(link_bytes)),
+        _ => ("shoot", "recompute", None),
+    };
     let pairs = [
         ("scene", json!(path(&plan.scene))),
         ("error", json!(plan.options.error)),
         ("basis", json!(basis_name(plan.options.basis))),
-        ("method", json!(if plan.workers.batches == Batches::All { "gather" } else { "shoot" })),
-        ("links", json!("recompute")),
+        ("method", json!(method)),
+        ("links", json!(links)),
+        ("link_memory", json!(link_memory)),
         ("oracle", oracle),
         ("visibility", json!(if solved.unoccluded { "none" } else { "bvh" })),
         ("direct_only", json!(plan.options.direct_only)),
@@ -93,6 +99,9 @@ fn work(solved: &Solved) -> Work {
         shots: outcome.statistics.shots,
         batches: outcome.statistics.batches,
         passes: outcome.passes as u64,
+        iterations: outcome.statistics.iterations,
+        links_stored: done.links_stored,
+        links_reused: done.links_reused,
         longest_receivers: outcome.longest_receivers,
         longest_chains: outcome.longest_chains,
     }

@@ -78,6 +78,12 @@ pub struct PassStatistics {
     pub longest: Longest,
     /// Bytes of the packets of the largest batch, copies included.
     pub packet_bytes: u64,
+    /// How often light was gathered.
+    pub iterations: u64,
+    /// The most bytes of links stored at once.
+    pub link_bytes: u64,
+    /// Whether there was no room for links in the last iteration.
+    pub links_refused: bool,
     /// Power left unshot in W.
     pub unshot_w: f64,
     /// Power sent by the lights in W that arrived, reflected once.
@@ -101,6 +107,7 @@ impl<const N: usize> Pass<'_, N> {
         let mut statistics = PassStatistics { growth: 1.0, ..PassStatistics::default() };
         let start = Instant::now();
         watch.stage(Stage::Direct);
+        crew.map(trees, |tree| tree.store.is_some(), |tree| tree.store = None)?;
         if !self.lit && crew.plans() {
             let expected = crew.map(trees, |_| true, |tree| self.expected_cost(tree))?;
             crew.expect(expected);
@@ -155,7 +162,9 @@ impl<const N: usize> Pass<'_, N> {
                     shot_w[n] += packet.nodes[0].coefficients[0][n] * trees[packet.surface as usize].area_m2;
                 }
             }
+            self.allot(&reflected, trees, crew)?;
             self.shoot_known(&[], &reflected, shares, trees, crew, watch, statistics)?;
+            self.survey_links(trees, statistics);
             crew.discard(reflected)?;
             crew.map(trees, |_| true, Tree::measure_unshot)?;
         }
@@ -187,11 +196,16 @@ impl<const N: usize> Pass<'_, N> {
 
     /// What a tree may cost in direct illumination, beside the others. Of many sources some stand for all.
     fn expected_cost(&self, tree: &Tree<N>) -> u64 {
-        let every = (self.lamps.len() + self.emitters.len()).div_ceil(LOOKED_AT).max(1);
+        self.expected_from(self.lamps, self.emitters, tree)
+    }
+
+    /// What a tree may cost by light from these, beside the others.
+    pub(super) fn expected_from(&self, lamps: &[Lamp<N>], packets: &[Packet<N>], tree: &Tree<N>) -> u64 {
+        let every = (lamps.len() + packets.len()).div_ceil(LOOKED_AT).max(1);
         let area_m2 = tree.area_m2;
-        let of_lamps = self.lamps.iter().step_by(every);
+        let of_lamps = lamps.iter().step_by(every);
         let of_lamps = of_lamps.map(|lamp| tree.patch.expected_cost(lamp, area_m2, self.rules));
-        let of_surfaces = self.emitters.iter().step_by(every);
+        let of_surfaces = packets.iter().step_by(every);
         let of_surfaces = of_surfaces.map(|packet| tree.patch.expected_cost(packet, area_m2, self.rules));
         (COST_UNIT * of_lamps.chain(of_surfaces).sum::<f64>()) as u64
     }
@@ -328,7 +342,7 @@ impl<const N: usize> Pass<'_, N> {
 
     /// Whether states are mixed. The paper's schedules do without.
     pub(super) fn mixes(&self) -> bool {
-        self.gain >= LEAST_GAIN && self.batches == Batches::Fitted
+        self.gain >= LEAST_GAIN && matches!(self.batches, Batches::Fitted | Batches::All { .. })
     }
 
     /// The same pass where all is so many times brighter.
@@ -351,7 +365,7 @@ impl<const N: usize> Pass<'_, N> {
     ) -> Result<(), WorkerPanic> {
         let none: &[Packet<N>] = &[];
         let whole = match self.batches {
-            Batches::Fitted | Batches::All => true,
+            Batches::Fitted | Batches::All { .. } => true,
             Batches::Single => false,
             Batches::None(_) => crew.is_team(),
         };
