@@ -3,6 +3,7 @@
 //! Receivers are sampled: the irradiance from one emitter is evaluated at points of a receiver element ([`gather`]), projected
 //! onto its basis, and judged at further points ([`link`]); what does not pass is divided ([`descent`]). Emitters are integrated
 //! hierarchically from each sample point; of many, those that matter little are taken together ([`cluster`], [`several`]).
+//! What looks see can be recorded ([`recording`]) and kept as links ([`stored`]).
 //!
 //! Nothing here knows a thread; a task ([`pair`]) borrows the sources and owns the receiver.
 
