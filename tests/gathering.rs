@@ -142,8 +142,12 @@ fn links_may_be_stored(name: &str, basis: Basis, error: f64) {
     println!("{name}: stored and recomputed are {distance:.5} apart");
     assert!(distance <= 0.7 * error, "{name}: {distance}");
     assert_eq!((recomputed.work.links_stored, recomputed.statistics.link_bytes), (0, 0));
-    assert!(stored.work.links_reused > 0 && !stored.statistics.links_refused, "{name}");
-    assert!(stored.work.cost() < recomputed.work.cost() * 6 / 10, "{name}: storing saves many evaluations");
+    assert!(stored.work.links_reused > 0, "{name}");
+    // Constants have so many links that some receivers' parts of the bytes run short, and save a quarter only.
+    assert!(basis == Basis::Haar || !stored.statistics.links_refused, "{name}");
+    let most = if basis == Basis::Haar { 0.85 } else { 0.6 };
+    let share = stored.work.cost() as f64 / recomputed.work.cost() as f64;
+    assert!(share < most, "{name}: {share} of the evaluations");
 }
 
 #[test]
@@ -163,7 +167,7 @@ fn stored_links_in_the_furnished_room() {
 
 #[test]
 fn stored_links_of_constants() {
-    links_may_be_stored("cornell-box", Basis::Haar, 0.15);
+    links_may_be_stored("cornell-box", Basis::Haar, 0.08);
 }
 
 /// All that makes up a solution, to the last bit.
