@@ -93,8 +93,19 @@ fn wrong_usage_ends_with_2_says_what_is_available_and_writes_nothing() {
         ("solve box.iv --error -1", "--error -1: expected a number above 0"),
         ("solve box.iv --error fine", "--error fine: expected a number"),
         ("solve box.iv --basis m4", "--basis m4: there is no such value; available: haar, m2, m3, auto"),
-        ("solve box.iv --method gather", "not available in this version of wrad; available: shoot"),
-        ("solve box.iv --links store", "--links store: not available in this version"),
+        ("solve box.iv --method pull", "--method pull: there is no such value; available: shoot, gather"),
+        ("solve box.iv --method gather --schedule outer-loop", "use stealing or sequential"),
+        ("solve box.iv --links store", "leave it out, or use --method gather"),
+        (
+            "solve box.iv --links keep",
+            "--links keep: there is no such value; available: recompute, store, auto",
+        ),
+        ("solve box.iv --link-memory 5M", "--link-memory 5M: --method shoot stores no links"),
+        (
+            "solve box.iv --method gather --links recompute --link-memory 5M",
+            "--links recompute stores no links; leave one of them out",
+        ),
+        ("solve box.iv --method gather --link-memory 5X", "expected a whole number of bytes above 0"),
         (
             "solve box.iv --visibility kd",
             "--visibility kd: there is no such value; available: bvh, bsp, none",
@@ -463,4 +474,35 @@ fn a_generated_scene_can_be_read_and_comes_out_the_same_again() {
     assert_eq!(place.text("a.iv"), place.text("b.iv"));
     let (code, out, _) = place.run("info a.iv");
     assert!(code == 0 && out.contains("faces      2000 ") && !out.contains("repaired"), "{out}");
+}
+
+#[test]
+fn gathering_reports_its_iterations_and_links() {
+    let place = Place::new();
+    let solve = |more: &str| {
+        let arguments =
+            format!("solve box.iv --error 0.05 --pin none --method gather --report r.json {more}");
+        let (code, out, err) = place.run(&arguments);
+        assert_eq!(code, 0, "{arguments}: {err}");
+        (place.json("r.json"), out, err)
+    };
+    let (report, out, err) = solve("");
+    let number = |report: &Value, pointer: &str| report.pointer(pointer).and_then(Value::as_u64).unwrap();
+    let links = |report: &Value| {
+        ["/work/links_stored", "/work/links_reused", "/memory/bytes_by_kind/links"]
+            .map(|at| number(report, at))
+    };
+    assert_eq!(
+        (&report["options"]["method"], &report["options"]["links"]),
+        (&"gather".into(), &"store".into())
+    );
+    assert_eq!(report["options"]["link_memory"], 512 << 20);
+    assert!(number(&report, "/work/iterations") > 0 && links(&report).iter().all(|n| *n > 0));
+    assert!(out.contains("iterations in the last") && out.contains("links stored") && err.is_empty());
+    let (report, ..) = solve("--links recompute");
+    assert_eq!((&report["options"]["links"], links(&report)), (&"recompute".into(), [0; 3]));
+    let (report, _, err) = solve("--links store --link-memory 20K");
+    assert!(links(&report)[2] <= 20 << 10 && err.contains("Allow more with --link-memory"), "{err}");
+    let (_, _, err) = solve("--link-memory 20K");
+    assert!(err.is_empty(), "auto says nothing: {err}");
 }

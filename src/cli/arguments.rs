@@ -81,12 +81,16 @@ pub struct SolveArguments {
     /// How finely.
     #[command(flatten)]
     pub accuracy: AccuracyArguments,
-    /// Solver: shoot.
+    /// Solver: shoot, progressively, or gather, which makes all light afresh until it changes no more. To gather, use the schedules stealing or
+    /// sequential.
     #[arg(long, value_name = "NAME", default_value = "shoot")]
     pub method: String,
-    /// Links between elements: recompute or auto.
+    /// Links between elements: recompute, store (to gather; says so where there is no room), or auto: store to gather, recompute to shoot.
     #[arg(long, value_name = "NAME", default_value = "auto")]
     pub links: String,
+    /// What stored links may take, such as 512M; what finds no room is recomputed [default: 512M].
+    #[arg(long, value_name = "SIZE", allow_negative_numbers = true)]
+    pub link_memory: Option<String>,
     /// What refinement looks at: energy (light transported) or geometry (the kernel alone).
     #[arg(long, value_name = "NAME", default_value = "energy")]
     pub oracle: String,

@@ -13,6 +13,7 @@ mod info;
 mod interrupt;
 mod load;
 mod memory;
+mod method;
 mod plan;
 mod probes;
 mod processor;

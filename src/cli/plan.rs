@@ -45,6 +45,8 @@ pub struct SolvePlan {
     pub options: Options,
     /// Who works.
     pub workers: Workers,
+    /// Whether to say so where links find no room.
+    pub warns_of_links: bool,
     /// The structure to ask about visibility.
     pub visibility: Visibility,
     /// Points to measure at, and where the readings go.
@@ -158,10 +160,12 @@ impl SolvePlan {
         let (threads, pin) = (arguments.threads.as_deref(), arguments.pin.as_deref());
         Ok(SolvePlan {
             workers: Workers::new(&arguments.schedule, threads, pin)?
-                .with_memory(arguments.memory.as_deref())?,
+                .with_memory(arguments.memory.as_deref())?
+                .with_method(&arguments)?,
             scene: arguments.scene,
             options,
             visibility,
+            warns_of_links: arguments.links == "store",
             probes: arguments.probes.zip(arguments.probes_out),
             out: arguments.out,
             report: arguments.report,
@@ -177,8 +181,6 @@ fn paths<'a>(paths: impl Iterator<Item = &'a PathBuf>) -> Vec<&'a Path> {
 
 /// Refuses what the contract of the command line names and this version cannot do.
 fn only_what_exists(arguments: &SolveArguments) -> Result<(), Error> {
-    choose("--method", &arguments.method, &[("shoot", ())], &["gather"])?;
-    choose("--links", &arguments.links, &[("recompute", ()), ("auto", ())], &["store"])?;
     choose("--counters", &arguments.counters, &[("auto", ()), ("off", ())], &["hardware", "simulated"])
 }
 

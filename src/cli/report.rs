@@ -9,6 +9,7 @@ use serde_json::{Value, json};
 use crate::output::energy_balance;
 use crate::output::machine::{Machine, peak_memory_bytes};
 use crate::output::report::{Known, Memory, Outcome, Program, Report, SceneFacts, Times, Work};
+use crate::schedule::Batches;
 use crate::transport::Oracle;
 
 use super::load::Loaded;
@@ -56,12 +57,18 @@ fn options(plan: &SolvePlan, solved: &Solved) -> BTreeMap<String, Value> {
         Visibility::Bsp => "bsp",
         _ => "bvh",
     };
+    let (method, links, link_memory) = match plan.workers.batches {
+        Batches::All { link_bytes: 0 } => ("gather", "recompute", None),
+        Batches::All { link_bytes } => ("gather", "store", Some(link_bytes)),
+        _ => ("shoot", "recompute", None),
+    };
     let pairs = [
         ("scene", json!(path(&plan.scene))),
         ("error", json!(plan.options.error)),
         ("basis", json!(basis_name(plan.options.basis))),
-        ("method", json!("shoot")),
-        ("links", json!("recompute")),
+        ("method", json!(method)),
+        ("links", json!(links)),
+        ("link_memory", json!(link_memory)),
         ("oracle", oracle),
         ("visibility", json!(visibility)),
         ("direct_only", json!(plan.options.direct_only)),
@@ -97,6 +104,9 @@ fn work(solved: &Solved) -> Work {
         shots: outcome.statistics.shots,
         batches: outcome.statistics.batches,
         passes: outcome.passes as u64,
+        iterations: outcome.statistics.iterations,
+        links_stored: done.links_stored,
+        links_reused: done.links_reused,
         longest_receivers: outcome.longest_receivers,
         longest_chains: outcome.longest_chains,
     }

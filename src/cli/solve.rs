@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use crate::output::report::Worker;
-use crate::output::{self, ImageOptions, OutputKind};
+use crate::output::{self, ImageOptions, OutputKind, units};
 use crate::radiosity::probe::read_probes;
 use crate::schedule::{self, Options, Outcome, Schedule};
 use crate::visibility::{Occluder, Unoccluded, nothing_between};
@@ -35,6 +35,14 @@ pub(super) fn run(plan: &SolvePlan, start: Instant) -> Result<Status, Error> {
     let loaded = Loaded::read(&plan.scene, plan.visibility)?;
     check(plan, probes.as_ref(), &loaded)?;
     let solved = solve(&loaded, &plan.options, &plan.workers, plan.visibility, plan.quiet)?;
+    let statistics = &solved.outcome.statistics;
+    if plan.warns_of_links && statistics.links_refused && !plan.quiet {
+        eprintln!(
+            "wrad: warning: --links store: {} of links are all that may be stored; others were recomputed. \
+             Allow more with --link-memory",
+            units::bytes(statistics.link_bytes)
+        );
+    }
     let writing = Instant::now();
     let mut failures = write_results(plan, probes.as_ref(), &loaded, &solved);
     let output_s = writing.elapsed().as_secs_f64();

@@ -171,6 +171,12 @@ pub struct Work {
     pub batches: u64,
     /// Passes at decreasing thresholds, the pilot included. The counts above are of all of them.
     pub passes: u64,
+    /// How often light was gathered in the last pass; 0 where it is shot.
+    pub iterations: u64,
+    /// Links that were stored. `memory.bytes_by_kind.links` says what they took.
+    pub links_stored: u64,
+    /// Transports by stored links; they are no interactions, and need no evaluations.
+    pub links_reused: u64,
     /// Share of the last pass' cost, in evaluations, in the costliest receiver of each batch: were receivers not divided between workers, no
     /// number of workers would be faster than this share of the sequential time.
     pub longest_receivers: f64,
@@ -202,7 +208,7 @@ pub struct Memory {
     /// Bytes of the trees, their inner elements included, per element.
     pub bytes_per_element: Known<f64>,
     /// Bytes by kind: `elements` of all levels, their `coefficients` and `outlines`, `surfaces` (what trees hold besides), `packets` (of the
-    /// largest batch) and the `visibility` structure with the copies near the workers, and the `solution`.
+    /// largest batch) and the `visibility` structure with the copies near the workers, stored `links` (the most at once), and the `solution`.
     pub bytes_by_kind: BTreeMap<String, u64>,
     /// Bytes of the arenas' chunks by the number of the NUMA node they are for.
     pub arena_bytes_per_node: Known<BTreeMap<String, u64>>,
@@ -350,6 +356,9 @@ pub(super) mod tests {
                 shots: 96,
                 batches: 7,
                 passes: 2,
+                iterations: 0,
+                links_stored: 0,
+                links_reused: 0,
                 longest_receivers: 0.07,
                 longest_chains: 0.01,
             },

@@ -45,9 +45,15 @@ fn work(work: &Work) -> String {
     let (interactions, kernel) = (count(work.interactions), count(work.kernel_evaluations));
     let (rays, shots, batches) = (count(work.visibility_rays), count(work.shots), count(work.batches));
     let passes = work.passes;
+    let last = match work.iterations {
+        0 => format!("{shots} shots in {batches} batches in the last"),
+        iterations => {
+            let (stored, reused) = (count(work.links_stored), count(work.links_reused));
+            format!("{iterations} iterations in the last; {stored} links stored, used {reused} times")
+        }
+    };
     format!(
-        "{interactions} interactions, {kernel} kernel evaluations, {rays} visibility rays in {passes} passes; \
-         {shots} shots in {batches} batches in the last"
+        "{interactions} interactions, {kernel} kernel evaluations, {rays} visibility rays in {passes} passes; {last}"
     )
 }
 

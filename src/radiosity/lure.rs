@@ -400,7 +400,13 @@ mod tests {
         let form = Form::new(&receiver);
         let mut lure = form.lure();
         assert_eq!(lure.root.split(), Some(Split::Both));
-        lure.deposited = Deposited { received_w: [2.0], to_reflect_w: 1.0, error_squared: 0.5, span: 7 };
+        lure.deposited = Deposited {
+            received_w: [2.0],
+            to_reflect_w: 1.0,
+            error_squared: 0.5,
+            span: 7,
+            ..Deposited::default()
+        };
         lure.work.interactions = 3;
         receiver.merge(&lure, arena);
         receiver.merge(&lure, arena);

@@ -62,7 +62,12 @@ impl<const N: usize> Tree<N> {
     /// Mixes the state with that of the direct irradiance, by one weight per band.
     pub fn mix(&mut self, weight: &[f64; N]) {
         let Some(direct) = self.direct.take() else { return };
-        mix(&mut self.root, &direct, Some(&mut Cursor::default()), weight);
+        beside(&mut self.root, &direct, Some(&mut Cursor::default()), &|e, u, d| {
+            for n in 0..N {
+                e[n] += weight[n] * (e[n] - d[n]);
+                u[n] += weight[n] * (u[n] - d[n]);
+            }
+        });
         let mut most = 0.0f64;
         for n in 0..N {
             self.indirect_w[n] *= 1.0 + weight[n];
@@ -72,6 +77,18 @@ impl<const N: usize> Tree<N> {
         self.error_squared = direct.error_squared + most * indirect;
         self.direct = Some(direct);
         self.measure_unshot();
+    }
+
+    /// Adds what was kept to a tree that has been made dark ([`Tree::restart`]): the reflected light comes next.
+    pub fn restore_direct(&mut self) {
+        let Some(direct) = &self.direct else { return };
+        beside(&mut self.root, direct, Some(&mut Cursor::default()), &|e, u, d| {
+            for n in 0..N {
+                e[n] += d[n];
+                u[n] += d[n];
+            }
+        });
+        self.error_squared = direct.error_squared;
     }
 }
 
@@ -84,12 +101,13 @@ fn keep<const N: usize>(element: &Element<N>, direct: &mut Direct<N>) {
     }
 }
 
-/// Mixes the subtree, which was kept if there is a cursor to it.
-fn mix<const N: usize>(
+/// Calls `each` on the coefficients of the subtree, irradiance and unshot, beside what was kept of them; a subtree was kept if there is a
+/// cursor to it.
+fn beside<const N: usize>(
     element: &mut Element<N>,
     direct: &Direct<N>,
     mut cursor: Option<&mut Cursor>,
-    weight: &[f64; N],
+    each: &impl Fn(&mut [f64; N], &mut [f64; N], &[f64; N]),
 ) {
     let (irradiance, unshot) = element.light_mut();
     let mut divided = false;
@@ -100,14 +118,10 @@ fn mix<const N: usize>(
         &direct.irradiance[from..cursor.function]
     });
     for (a, (e, u)) in irradiance.iter_mut().zip(unshot).enumerate() {
-        for n in 0..N {
-            let d = kept.get(a).map_or(0.0, |kept| kept[n]);
-            e[n] += weight[n] * (e[n] - d);
-            u[n] += weight[n] * (u[n] - d);
-        }
+        each(e, u, kept.get(a).unwrap_or(&[0.0; N]));
     }
     let mut cursor = cursor.filter(|_| divided);
     for child in element.children_mut() {
-        mix(child, direct, cursor.as_deref_mut(), weight);
+        beside(child, direct, cursor.as_deref_mut(), each);
     }
 }

@@ -5,7 +5,7 @@ use ccnuma::Arena;
 use crate::math::Basis;
 use crate::math::basis::MAX_FUNCTIONS;
 use crate::scene::{Scene, Surface};
-use crate::transport::{Deposited, Detail, Packet, PacketNode, Patch, Receiver, Shape, Work};
+use crate::transport::{Deposited, Detail, Packet, PacketNode, Patch, Receiver, Shape, Store, Work};
 
 use super::element::Element;
 use super::mixing::Direct;
@@ -34,6 +34,8 @@ pub struct Tree<const N: usize> {
     pub work: Work,
     /// Cost of the longest chain of parts of that work that wait for each other.
     pub span: u64,
+    /// Links to other surfaces, where they are stored.
+    pub store: Option<Box<Store>>,
     /// The direct irradiance, where states are to be mixed.
     pub(super) direct: Option<Box<Direct<N>>>,
     outline: Option<Box<[glam::DVec2]>>,
@@ -54,6 +56,7 @@ impl<const N: usize> Tree<N> {
             error_squared: 0.0,
             work: Work::default(),
             span: 0,
+            store: None,
             direct: None,
             outline: (!surface.full).then(|| surface.outline.clone().into_boxed_slice()),
         }
@@ -129,6 +132,7 @@ impl<const N: usize> Tree<N> {
     pub fn fell(&mut self, arena: &Arena) {
         self.root = Element::new(self.basis, &Shape::Outside, arena);
         self.patch.corners = Box::default();
+        self.store = None;
         self.outline = None;
     }
 

@@ -33,6 +33,11 @@ pub enum Batches {
     Single,
     /// There are no batches: emitters follow each other without a barrier. Without a team, as [`Batches::Single`].
     None(Walks),
+    /// All of them, and each sends all that it reflects, until that changes no more: the paper's gathering ([`super::gathering`]).
+    All {
+        /// Bytes of links that may be stored.
+        link_bytes: u64,
+    },
 }
 
 impl Batches {
@@ -49,7 +54,7 @@ impl Batches {
         let mut lit = brightest(trees, f64::NEG_INFINITY);
         let most = match self {
             Batches::Single | Batches::None(_) => 1,
-            Batches::Fitted => {
+            Batches::Fitted | Batches::All { .. } => {
                 let lit = lit.len() as f64;
                 (LARGEST_SHARE * lit).min(lit.sqrt()).max(1.0) as usize
             }
@@ -107,10 +112,14 @@ impl<const N: usize> Batch<'_, N> {
         helpers: &dyn Helpers,
         watch: &Watch,
     ) {
-        let Tree { patch, root, .. } = &mut *tree;
+        let Tree { patch, root, store, .. } = &mut *tree;
         let task = Task { patch, occluder, rules, go_on: &|| !watch.stopped() };
         let of_lamps = task.shoot((self.lamps, None), root, scratch, helpers);
-        let of_packets = task.shoot((self.packets, self.clusters), root, scratch, helpers);
+        let packets = (self.packets, self.clusters);
+        let of_packets = match store {
+            Some(store) => task.shoot_stored(packets, root, store, scratch, helpers),
+            None => task.shoot(packets, root, scratch, helpers),
+        };
         tree.book(&of_lamps);
         tree.book(&of_packets);
         tree.work += std::mem::take(&mut scratch.work);

@@ -20,6 +20,7 @@ use super::budget::Budget;
 use super::copies::Copies;
 use super::crew::Crew;
 use super::footprint::Footprint;
+use super::gathering::COARSER_PILOT;
 use super::pass::{Pass, PassStatistics, REFLECTED_SHARE, reflected_norm};
 use super::record::Record;
 use super::watch::{Observer, Watch, observed};
@@ -234,13 +235,17 @@ impl<'a, const N: usize> Run<'a, N> {
         let watch = means.watch;
         let mut work = Work::default();
         let (budget, guess) = (self.budget, self.guess_norm());
-        let threshold = budget.first_threshold_w_m(guess, self.surfaces.len());
+        let mut threshold = budget.first_threshold_w_m(guess, self.surfaces.len());
+        if matches!(means.batches, Batches::All { .. }) && !budget.pilot_may_suffice() {
+            threshold *= COARSER_PILOT;
+        }
         watch.pass(0);
         let mut trees = means.crew.grow::<N>(self.surfaces, self.options.basis)?;
         let first = (budget.pilot_error(), guess);
         let mut attempt = self.attempt(&mut trees, threshold, first, true, &mut means)?;
         let mut threshold = attempt.threshold_w_m;
-        let mut packet_bytes = attempt.statistics.packet_bytes;
+        let (mut packet_bytes, mut link_bytes) =
+            (attempt.statistics.packet_bytes, attempt.statistics.link_bytes);
         let mut finished = None;
         work += attempt.work();
         let mut passes = 1;
@@ -261,6 +266,7 @@ impl<'a, const N: usize> Run<'a, N> {
             attempt = self.attempt(&mut trees, threshold, (budget.target, norm), false, &mut means)?;
             work += attempt.work();
             packet_bytes = packet_bytes.max(attempt.statistics.packet_bytes);
+            link_bytes = link_bytes.max(attempt.statistics.link_bytes);
             if attempt.statistics.interrupted {
                 // What an unfinished pass holds is worth less than the pass before it.
                 attempt = last;
@@ -271,7 +277,7 @@ impl<'a, const N: usize> Run<'a, N> {
             }
             passes += 1;
         }
-        attempt.statistics.packet_bytes = packet_bytes;
+        (attempt.statistics.packet_bytes, attempt.statistics.link_bytes) = (packet_bytes, link_bytes);
         let fields = match finished {
             Some(fields) => fields,
             None => means.crew.map(&mut trees, |_| true, |tree| tree.field())?,
@@ -408,6 +414,7 @@ impl<'a, const N: usize> Run<'a, N> {
         let others = [
             ("packets", statistics.packet_bytes),
             ("visibility", visibility as u64),
+            ("links", statistics.link_bytes),
             ("solution", fields.iter().map(Field::bytes).sum::<usize>() as u64),
         ];
         let footprint = means.crew.footprint(&mut trees, others)?;

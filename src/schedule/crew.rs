@@ -431,7 +431,7 @@ mod tests {
                 crew.moved > before,
                 "round {round}: half of the work is one tree's, and the others go away"
             );
-            let footprint = crew.footprint(&mut trees, [("a", 0), ("b", 0), ("c", 0)]).unwrap();
+            let footprint = crew.footprint(&mut trees, [("a", 0), ("b", 0), ("c", 0), ("d", 0)]).unwrap();
             let bytes: u64 = footprint.arena_bytes_per_node.unwrap().values().sum();
             // What never moved, what is there now, and what was there before.
             let most = 3 * 4 * 2 * ccnuma::arena::CHUNK as u64;

@@ -18,7 +18,7 @@ pub struct Footprint {
     /// Bytes of the elements of all levels, with what they own.
     pub element_bytes: ElementBytes,
     /// Bytes by kind: the elements', `surfaces` (what trees hold besides), `packets` (the most that was under way at once, copies
-    /// included), `visibility` (copies included), `solution`.
+    /// included), `visibility` (copies included), `links` (the most stored at once), `solution`.
     pub bytes_by_kind: BTreeMap<&'static str, u64>,
     /// Bytes of the arenas' chunks by node (operating-system number), or why there are none.
     pub arena_bytes_per_node: Result<BTreeMap<usize, u64>, String>,
@@ -36,7 +36,7 @@ impl Crew<'_> {
     pub fn footprint<const N: usize>(
         &mut self,
         trees: &mut [Tree<N>],
-        others: [(&'static str, u64); 3],
+        others: [(&'static str, u64); 4],
     ) -> Result<Footprint, WorkerPanic> {
         let surveys = self.map(
             trees,

@@ -22,7 +22,8 @@ const KEPT: f64 = 0.02;
 
 /// What is still to come must fall to this share within so many batches: the little that is left is transported so coarsely that more may
 /// arrive than was sent, and would never fade where walls reflect nearly all of it.
-const FADES: (f64, u32) = (0.7, 20);
+const FADES: f64 = 0.7;
+pub(super) const PATIENCE: u32 = 20;
 
 /// Who shoots where states are mixed: all but the dimmest, for light that only some have sent is uneven, and fades the slower. `stop_w` is
 /// the power in W that may be left unshot.
@@ -37,6 +38,7 @@ pub(super) fn shooters<const N: usize>(trees: &[Tree<N>], stop_w: f64) -> Vec<us
 /// Looks after every batch whether to mix.
 pub(super) struct Mixer {
     gain: f64,
+    patience: u32,
     /// What was still to come in W when it last had faded enough, and batches since then.
     faded: (f64, u32),
 }
@@ -62,9 +64,9 @@ struct Band {
 }
 
 impl Mixer {
-    /// For a scene of this gain.
-    pub fn new(gain: f64) -> Self {
-        Self { gain, faded: (f64::INFINITY, 0) }
+    /// For a scene of this gain, where light must fade within so many batches.
+    pub fn new(gain: f64, patience: u32) -> Self {
+        Self { gain, patience, faded: (f64::INFINITY, 0) }
     }
 
     /// Mixes if it is worth while; `shot_w` is what was sent so far.
@@ -93,10 +95,10 @@ impl Mixer {
 
     fn is_stuck(&mut self, to_come_w: f64) -> bool {
         self.faded.1 += 1;
-        if to_come_w < FADES.0 * self.faded.0 {
+        if to_come_w < FADES * self.faded.0 {
             self.faded = (to_come_w, 0);
         }
-        self.faded.1 >= FADES.1
+        self.faded.1 >= self.patience
     }
 
     /// A band in which so much was sent; `brightest` is its largest reflectance.
@@ -137,7 +139,7 @@ mod tests {
     /// In a furnace of ρ 0.99 that has shot once, 0.99 of the direct light is unshot, and a hundred times it is to be sent in all.
     #[test]
     fn light_that_only_fades_is_summed_up() {
-        let mixer = Mixer::new(99.0);
+        let mixer = Mixer::new(99.0, PATIENCE);
         let band = mixer.band(&powers(&[0.99; 6], &[1.0; 6]), 0, 6.0, 0.99);
         assert!((band.weight - 99.0).abs() < 1e-9 && band.to_come_w < 1e-6, "{band:?}");
         let band = mixer.band(&powers(&[1.001; 6], &[1.0; 6]), 0, 6.0, 0.99);
@@ -148,7 +150,7 @@ mod tests {
 
     #[test]
     fn uneven_light_is_left_to_spread() {
-        let mixer = Mixer::new(4.0);
+        let mixer = Mixer::new(4.0, PATIENCE);
         let band = mixer.band(&powers(&[0.8, 0.0, 0.0, 0.0], &[0.0, 0.0, 0.5, 0.5]), 0, 1.0, 0.8);
         assert_eq!(band.weight, 0.0);
         let band = mixer.band(&powers(&[0.0; 4], &[0.0; 4]), 0, 0.0, 0.8);
@@ -157,8 +159,8 @@ mod tests {
 
     #[test]
     fn what_does_not_fade_ends() {
-        let mut mixer = Mixer::new(9.0);
+        let mut mixer = Mixer::new(9.0, PATIENCE);
         assert!((0..100).all(|i| !mixer.is_stuck(0.9f64.powi(i))));
-        assert!((0..FADES.1).any(|_| mixer.is_stuck(0.9f64.powi(99))));
+        assert!((0..PATIENCE).any(|_| mixer.is_stuck(0.9f64.powi(99))));
     }
 }

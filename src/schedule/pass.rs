@@ -13,7 +13,7 @@ use crate::visibility::Occluder;
 use super::batch::{Batch, Batches, brightest};
 use super::copies::Copies;
 use super::crew::{Crew, Longest};
-use super::mixing::{LEAST_GAIN, Look, Mixer, shooters};
+use super::mixing::{LEAST_GAIN, Look, Mixer, PATIENCE, shooters};
 use super::walks::Supply;
 use super::watch::{Stage, Watch};
 
@@ -72,12 +72,18 @@ pub struct PassStatistics {
     pub interreflection_s: f64,
     /// Emitters shot, lights included.
     pub shots: u64,
-    /// Batches of shots; between two of them all receivers must be done.
+    /// Batches of shots; between two of them all receivers must be done. Where light is gathered, its iterations and direct light.
     pub batches: u64,
     /// What no number of workers can be faster than.
     pub longest: Longest,
     /// Bytes of the packets of the largest batch, copies included.
     pub packet_bytes: u64,
+    /// How often light was gathered.
+    pub iterations: u64,
+    /// The most bytes of links stored at once.
+    pub link_bytes: u64,
+    /// Whether there was no room for links in the last iteration.
+    pub links_refused: bool,
     /// Power left unshot in W.
     pub unshot_w: f64,
     /// Power sent by the lights in W that arrived, reflected once.
@@ -101,13 +107,14 @@ impl<const N: usize> Pass<'_, N> {
         let mut statistics = PassStatistics { growth: 1.0, ..PassStatistics::default() };
         let start = Instant::now();
         watch.stage(Stage::Direct);
+        crew.map(trees, |tree| tree.store.is_some(), |tree| tree.store = None)?;
         if !self.lit && crew.plans() {
             let expected = crew.map(trees, |_| true, |tree| self.expected_cost(tree))?;
             crew.expect(expected);
         }
         crew.settle(trees)?;
         let reflected = self.begin(trees, crew)?;
-        self.shoot_known(self.lamps, self.emitters, 1.0, trees, crew, watch, &mut statistics)?;
+        self.shoot_known(self.lamps, self.emitters, (0.0, 1.0), trees, crew, watch, &mut statistics)?;
         statistics.direct = take_work(trees);
         statistics.first_reflection_w = unshot_w(trees);
         statistics.direct_s = start.elapsed().as_secs_f64();
@@ -126,9 +133,25 @@ impl<const N: usize> Pass<'_, N> {
     ) -> Result<[f64; N], WorkerPanic> {
         let start = Instant::now();
         watch.stage(Stage::Interreflection);
-        if self.mixes() {
+        if self.mixes() || self.gathers() {
             crew.map(trees, |_| true, Tree::keep_direct)?;
         }
+        let shot_w = self.send(trees, reflected, (0.0, REFLECTED_SHARE), crew, watch, statistics)?;
+        statistics.interreflection_s += start.elapsed().as_secs_f64();
+        Ok(shot_w)
+    }
+
+    /// Sends all that surfaces `reflected`, which takes the stage from one share to another; nothing was sent before. Returns how much that is
+    /// per band, in W.
+    pub(super) fn send(
+        &self,
+        trees: &mut [Tree<N>],
+        reflected: Vec<Packet<N>>,
+        shares: (f64, f64),
+        crew: &mut Crew<'_>,
+        watch: &Watch,
+        statistics: &mut PassStatistics,
+    ) -> Result<[f64; N], WorkerPanic> {
         let mut shot_w = [0.0; N];
         for tree in trees.iter_mut() {
             tree.indirect_w = [0.0; N];
@@ -139,11 +162,12 @@ impl<const N: usize> Pass<'_, N> {
                     shot_w[n] += packet.nodes[0].coefficients[0][n] * trees[packet.surface as usize].area_m2;
                 }
             }
-            self.shoot_known(&[], &reflected, REFLECTED_SHARE, trees, crew, watch, statistics)?;
+            self.allot(&reflected, trees, crew)?;
+            self.shoot_known(&[], &reflected, shares, trees, crew, watch, statistics)?;
+            self.survey_links(trees, statistics);
             crew.discard(reflected)?;
             crew.map(trees, |_| true, Tree::measure_unshot)?;
         }
-        statistics.interreflection_s += start.elapsed().as_secs_f64();
         Ok(shot_w)
     }
 
@@ -172,11 +196,16 @@ impl<const N: usize> Pass<'_, N> {
 
     /// What a tree may cost in direct illumination, beside the others. Of many sources some stand for all.
     fn expected_cost(&self, tree: &Tree<N>) -> u64 {
-        let every = (self.lamps.len() + self.emitters.len()).div_ceil(LOOKED_AT).max(1);
+        self.expected_from(self.lamps, self.emitters, tree)
+    }
+
+    /// What a tree may cost by light from these, beside the others.
+    pub(super) fn expected_from(&self, lamps: &[Lamp<N>], packets: &[Packet<N>], tree: &Tree<N>) -> u64 {
+        let every = (lamps.len() + packets.len()).div_ceil(LOOKED_AT).max(1);
         let area_m2 = tree.area_m2;
-        let of_lamps = self.lamps.iter().step_by(every);
+        let of_lamps = lamps.iter().step_by(every);
         let of_lamps = of_lamps.map(|lamp| tree.patch.expected_cost(lamp, area_m2, self.rules));
-        let of_surfaces = self.emitters.iter().step_by(every);
+        let of_surfaces = packets.iter().step_by(every);
         let of_surfaces = of_surfaces.map(|packet| tree.patch.expected_cost(packet, area_m2, self.rules));
         (COST_UNIT * of_lamps.chain(of_surfaces).sum::<f64>()) as u64
     }
@@ -194,10 +223,15 @@ impl<const N: usize> Pass<'_, N> {
 
     /// Takes the light that the trees reflect into packets, the brightest first. Surfaces that reflect least, together half of what may be
     /// left unshot, send nothing yet.
-    fn restart(&self, trees: &mut [Tree<N>], crew: &mut Crew<'_>) -> Result<Vec<Packet<N>>, WorkerPanic> {
+    pub(super) fn restart(
+        &self,
+        trees: &mut [Tree<N>],
+        crew: &mut Crew<'_>,
+    ) -> Result<Vec<Packet<N>>, WorkerPanic> {
         crew.map(trees, |_| true, Tree::unshoot)?;
         let mut rank = vec![None; trees.len()];
-        for (place, index) in brightest(trees, 0.5 * self.stop_w).into_iter().enumerate() {
+        let kept_w = if self.gathers() { f64::NEG_INFINITY } else { 0.5 * self.stop_w };
+        for (place, index) in brightest(trees, kept_w).into_iter().enumerate() {
             rank[index] = Some(place);
         }
         let rank = |surface: u32| rank[surface as usize];
@@ -222,18 +256,19 @@ impl<const N: usize> Pass<'_, N> {
         statistics: &mut PassStatistics,
     ) -> Result<(), WorkerPanic> {
         let first = unshot_w(trees);
-        let progress = |left: f64| {
-            // Power decays geometrically: progress on a logarithmic scale.
-            let share = done + (1.0 - done) * (first / left).ln() / (first / self.stop_w).ln();
-            watch.batch(share, share, 1);
-        };
+        // Power decays geometrically: progress on a logarithmic scale.
+        let share = |left: f64| done + (1.0 - done) * (first / left).ln() / (first / self.stop_w).ln();
+        let progress = |left: f64| watch.batch(share(left), share(left), 1);
         let supply = Supply::Brightest { stop_w: self.stop_w, prune_w_m2: self.prune_w_m2, left: &progress };
         if let Some(sent_w) = self.walk(&supply, *shot_w, trees, crew, watch, statistics)? {
             *shot_w = sent_w;
             return Ok(());
         }
-        self.iterate(shot_w, &progress, trees, crew, watch, statistics)?;
-        if self.mixes() {
+        match self.gathers() {
+            true => self.gather(shot_w, &share, trees, crew, watch, statistics)?,
+            false => self.iterate(shot_w, &progress, trees, crew, watch, statistics)?,
+        }
+        if self.mixes() || self.gathers() {
             crew.map(trees, |_| true, Tree::forget_direct)?;
         }
         Ok(())
@@ -249,7 +284,7 @@ impl<const N: usize> Pass<'_, N> {
         watch: &Watch,
         statistics: &mut PassStatistics,
     ) -> Result<(), WorkerPanic> {
-        let mut mixer = self.mixes().then(|| Mixer::new(self.gain));
+        let mut mixer = self.mixes().then(|| Mixer::new(self.gain, PATIENCE));
         loop {
             let left = unshot_w(trees);
             if left <= self.stop_w || watch.stopped() {
@@ -263,11 +298,7 @@ impl<const N: usize> Pass<'_, N> {
                     Look::Stuck => return Ok(()),
                     Look::Mixed => {
                         statistics.mixed = true;
-                        let growth = reflected_norm(trees, crew)? / self.norm_w_m;
-                        if growth <= FAR_TOO_LOW {
-                            continue;
-                        }
-                        statistics.growth *= growth;
+                        let Some(growth) = self.growth(trees, crew, statistics)? else { continue };
                         let rules = self.rules.brighter(growth);
                         let brighter = self.brighter(growth, &rules);
                         return brighter.iterate(shot_w, progress, trees, crew, watch, statistics);
@@ -294,24 +325,39 @@ impl<const N: usize> Pass<'_, N> {
         }
     }
 
+    /// How much brighter all is than the pass was told, if that was far too low a guess.
+    pub(super) fn growth(
+        &self,
+        trees: &mut [Tree<N>],
+        crew: &mut Crew<'_>,
+        statistics: &mut PassStatistics,
+    ) -> Result<Option<f64>, WorkerPanic> {
+        let growth = reflected_norm(trees, crew)? / self.norm_w_m;
+        let far_too_low = growth > FAR_TOO_LOW;
+        if far_too_low {
+            statistics.growth *= growth;
+        }
+        Ok(far_too_low.then_some(growth))
+    }
+
     /// Whether states are mixed. The paper's schedules do without.
     pub(super) fn mixes(&self) -> bool {
-        self.gain >= LEAST_GAIN && self.batches == Batches::Fitted
+        self.gain >= LEAST_GAIN && matches!(self.batches, Batches::Fitted | Batches::All { .. })
     }
 
     /// The same pass where all is so many times brighter.
-    fn brighter<'b>(&'b self, times: f64, rules: &'b Rules) -> Pass<'b, N> {
+    pub(super) fn brighter<'b>(&'b self, times: f64, rules: &'b Rules) -> Pass<'b, N> {
         let (norm_w_m, stop_w) = (times * self.norm_w_m, times * self.stop_w);
         Pass { rules, norm_w_m, stop_w, prune_w_m2: times * self.prune_w_m2, ..*self }
     }
 
-    /// Shoots sources that are all known at the start of a stage; they take it to this share.
+    /// Shoots sources that are all known; they take the stage from one share to another.
     #[allow(clippy::too_many_arguments)]
     fn shoot_known(
         &self,
         lamps: &[Lamp<N>],
         packets: &[Packet<N>],
-        share: f64,
+        (from, to): (f64, f64),
         trees: &mut [Tree<N>],
         crew: &mut Crew<'_>,
         watch: &Watch,
@@ -319,7 +365,7 @@ impl<const N: usize> Pass<'_, N> {
     ) -> Result<(), WorkerPanic> {
         let none: &[Packet<N>] = &[];
         let whole = match self.batches {
-            Batches::Fitted => true,
+            Batches::Fitted | Batches::All { .. } => true,
             Batches::Single => false,
             Batches::None(_) => crew.is_team(),
         };
@@ -333,7 +379,8 @@ impl<const N: usize> Pass<'_, N> {
         };
         let count = batches.len() as f64;
         for (i, batch) in batches.iter().enumerate() {
-            watch.batch(share * i as f64 / count, share * (i + 1) as f64 / count, trees.len());
+            let share = |i: usize| from + (to - from) * i as f64 / count;
+            watch.batch(share(i), share(i + 1), trees.len());
             self.shoot(batch, trees, crew, watch, statistics)?;
         }
         Ok(())
@@ -410,7 +457,7 @@ pub(super) fn reflected_norm<const N: usize>(
 }
 
 /// Power left to shoot in W, all surfaces.
-fn unshot_w<const N: usize>(trees: &[Tree<N>]) -> f64 {
+pub(super) fn unshot_w<const N: usize>(trees: &[Tree<N>]) -> f64 {
     trees.iter().map(|tree| tree.unshot_w).sum()
 }
 

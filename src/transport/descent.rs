@@ -99,6 +99,8 @@ pub(super) struct Descent<'a, const N: usize, S> {
     task: Task<'a, N>,
     weight: f64,
     aims: &'a [Aim<'a, S>],
+    /// Whether links are recorded.
+    records: bool,
 }
 
 impl<const N: usize, S> Clone for Descent<'_, N, S> {
@@ -110,8 +112,8 @@ impl<const N: usize, S> Clone for Descent<'_, N, S> {
 impl<const N: usize, S> Copy for Descent<'_, N, S> {}
 
 impl<'a, const N: usize, S: Source<N>> Descent<'a, N, S> {
-    pub fn new(task: Task<'a, N>, aims: &'a [Aim<'a, S>]) -> Self {
-        Self { task, weight: task.weight(), aims }
+    pub fn new(task: Task<'a, N>, aims: &'a [Aim<'a, S>], records: bool) -> Self {
+        Self { task, weight: task.weight(), aims, records }
     }
 
     /// Visits the whole receiver with all sources.
@@ -163,11 +165,15 @@ impl<'a, const N: usize, S: Source<N>> Descent<'a, N, S> {
         let mut visitors = Vec::new();
         for (visitor, verdict) in links {
             match verdict {
-                Verdict::Linked { light, error_squared, deviates } if !deviates || split.is_none() => {
+                Verdict::Linked { light, error_squared, deviates, mut record }
+                    if !deviates || split.is_none() =>
+                {
                     scratch.work.interactions += 1;
                     receiver.deposit(&light);
                     deposited.take(self.task.patch, &light, area_m2);
                     deposited.error_squared += error_squared;
+                    record.set_source(visitor.aim);
+                    deposited.links.append(record);
                 }
                 _ => visitors.push(visitor),
             }
@@ -280,8 +286,8 @@ impl<'a, const N: usize, S: Source<N>> Descent<'a, N, S> {
             let verdict = match self.task.rules.oracle {
                 Oracle::Uniform(depth) if visit.level < depth => Verdict::Rough(Split::Both),
                 _ => {
-                    let Self { task, weight, .. } = self;
-                    Link { task, weight, aim, element, samplings: &samplings, candidates, scratch }
+                    let Self { task, weight, records, .. } = self;
+                    Link { task, weight, records, aim, element, samplings: &samplings, candidates, scratch }
                         .judge(divided)
                 }
             };

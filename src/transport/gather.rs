@@ -8,16 +8,15 @@
 //! * its **visibility** must be certain (no candidate in the shaft), unanimous among rays, or of no consequence. Where few blockers leave a
 //!   part of the cell visible, the fragments they leave are integrated; else the cell is divided.
 
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 
 use super::candidates::{Candidates, narrow};
-use super::kernel::kernel;
-use super::lambert::form_factor;
-use super::nodes::{CellNodes, Nodes, value_at};
+use super::light::Ready;
+use super::nodes::Nodes;
 use super::packet::{Detail, EmitterCell, Packet, cell_corners};
 use super::pair::Scratch;
+use super::recording::Unit;
 use super::samples::MAX_SAMPLES;
-use super::unblocked::visible_fragments;
 use super::view::{Geometry, View};
 use crate::math::basis::MAX_FUNCTIONS;
 use crate::visibility::{Occluder, Shaft};
@@ -87,11 +86,13 @@ pub struct Gather<'a, const N: usize> {
 }
 
 /// How a cell's light is taken.
-struct How {
+pub(super) struct How {
     /// Gauss nodes per dimension of the quadrature.
-    nodes: usize,
-    closed_form: bool,
-    constant: bool,
+    pub nodes: usize,
+    pub closed_form: bool,
+    pub constant: bool,
+    /// Size of the cell over its distance.
+    pub nearest: f64,
     /// Rays per dimension to judge visibility by; none where it is certain.
     rays: usize,
     partial: Partial,
@@ -128,7 +129,11 @@ impl<'a, const N: usize> Gather<'a, N> {
     /// Gathers the whole packet.
     pub fn run(&mut self, candidates: Candidates, tolerance: Tolerance) {
         let active = u32::MAX >> (32 - self.points.position.len() as u32);
-        let root = self.packet.root();
+        let mut root = self.packet.root();
+        if self.scratch.recording.points > 0 {
+            let outline = self.packet.outline.clone();
+            root.unit = Some(Box::new(Unit::of_node(self.packet.basis, 0, root.cell, outline)));
+        }
         self.visit(&root, active, candidates, tolerance);
     }
 
@@ -139,13 +144,13 @@ impl<'a, const N: usize> Gather<'a, N> {
         }
         let strength = strength(&emitter.coefficients);
         let traceable = self.is_traceable(candidates);
-        let nodes = CellNodes::default();
+        let ready = Ready::default();
         let mut divided = 0;
         for p in points_of(active) {
             let x = self.points.position[p];
             let Some(view) = geometry.view(self.points.normal, x) else { continue };
             match self.judge(emitter, strength, traceable, &view, candidates, tolerance) {
-                Some(how) if self.take(p, emitter, &nodes, candidates, &how) => {}
+                Some(how) if self.take(p, emitter, &ready, candidates, &how) => {}
                 _ => divided |= 1 << p,
             }
         }
@@ -185,6 +190,7 @@ impl<'a, const N: usize> Gather<'a, N> {
             nodes,
             closed_form: smooth.is_none(),
             constant,
+            nearest: view.nearest,
             rays: 0,
             partial: Partial::Rays,
             doubt: false,
@@ -229,18 +235,16 @@ impl<'a, const N: usize> Gather<'a, N> {
         &mut self,
         p: usize,
         emitter: &EmitterCell<N>,
-        nodes: &CellNodes<N>,
+        ready: &Ready<N>,
         candidates: Candidates,
         how: &How,
     ) -> bool {
-        let quadrature = nodes.get(self.packet, emitter, how.nodes);
-        let x = self.points.position[p];
         if how.rays == 0 {
-            let light = self.light(x, emitter, quadrature, how.closed_form, how.constant);
-            self.add(p, &light);
+            let light = self.whole_light(p, emitter, ready, how);
+            self.add(p, emitter, &light, None, how);
             return true;
         }
-        let targets = nodes.get(self.packet, emitter, how.rays);
+        let targets = ready.nodes.get(self.packet, emitter, how.rays);
         let all = (1u32 << targets.count) - 1;
         let visible = self.trace(p, targets, candidates);
         let unanimous = visible == 0 || visible == all;
@@ -249,161 +253,22 @@ impl<'a, const N: usize> Gather<'a, N> {
             return false;
         }
         if how.partial == Partial::Exact && open {
-            let Some((light, unoccluded)) = self.fragments_light(p, emitter, candidates, how.constant) else {
+            let Some((light, whole)) = self.visible_light(p, emitter, candidates, how.constant) else {
                 return false;
             };
-            self.add(p, &light);
-            self.uncertain[p] += unoccluded;
+            self.add(p, emitter, &light, None, how);
+            self.uncertain[p] += whole * norm(&emitter.coefficients[0]);
             return true;
         }
-        let light = self.light(x, emitter, quadrature, how.closed_form, how.constant);
+        let light = self.whole_light(p, emitter, ready, how);
         self.uncertain[p] += norm(&light);
         if visible == all {
-            self.add(p, &light);
+            self.add(p, emitter, &light, None, how);
         } else if visible != 0 {
-            let share = self.visible_share(x, targets, visible);
-            self.add(p, &std::array::from_fn(|n| share[n] * light[n]));
+            let share = self.visible_share(self.points.position[p], targets, visible);
+            self.add(p, emitter, &light, Some(share), how);
         }
         true
-    }
-
-    fn add(&mut self, p: usize, light: &[f64; N]) {
-        for n in 0..N {
-            self.irradiance[p][n] += light[n];
-        }
-    }
-
-    /// The light of a whole cell.
-    fn light(
-        &mut self,
-        x: DVec3,
-        emitter: &EmitterCell<N>,
-        nodes: &Nodes<N>,
-        closed_form: bool,
-        constant: bool,
-    ) -> [f64; N] {
-        if closed_form { self.near(x, emitter, nodes, constant) } else { self.far(x, nodes) }
-    }
-
-    /// The light of a cell seen in part by point `p`, from the fragments that its blockers leave, and the norm of the whole cell's light.
-    /// Each fragment: its form factor times the radiosity at its middle as the kernel weighs it, and what varies about that by quadrature.
-    fn fragments_light(
-        &mut self,
-        p: usize,
-        emitter: &EmitterCell<N>,
-        candidates: Candidates,
-        constant: bool,
-    ) -> Option<([f64; N], f64)> {
-        let Candidates::List(start, end) = candidates else { return None };
-        let faces = self.occluder.faces();
-        self.scratch.work.exact_visibilities += 1;
-        let (eye, n_x, n_y) = (self.points.eye[p], self.points.normal, self.packet.frame.normal);
-        let visible = visible_fragments(
-            eye,
-            n_x,
-            emitter.corners(&self.packet.frame),
-            n_y,
-            self.scratch.candidates[start..end].iter().flat_map(|f| faces.pieces(*f)),
-            &mut self.scratch.fragments,
-        )?;
-        let x = self.points.position[p];
-        let shift = eye - x;
-        self.scratch.work.lambert_evaluations += 1 + visible.len() as u64;
-        let whole = form_factor(x, n_x, emitter.corners(&self.packet.frame));
-        let mut light = [0.0; N];
-        let radiosity = |y: DVec3| {
-            let local = emitter.cell.to_local(self.packet.frame.uv(x + y)).clamp(DVec2::ZERO, DVec2::ONE);
-            value_at(self.packet.basis, &emitter.coefficients, local)
-        };
-        for fragment in visible {
-            // Relative to the point that the light falls on, which beyond a cut polygon's edge is not the eye.
-            let corners = fragment.corners();
-            let factor = form_factor(DVec3::ZERO, n_x, corners.iter().map(|c| *c + shift));
-            if constant {
-                for n in 0..N {
-                    light[n] += factor * emitter.coefficients[0][n];
-                }
-                continue;
-            }
-            let triangles = || {
-                (1..corners.len() - 1).map(|i| {
-                    let (a, b, c) = (corners[0] + shift, corners[i] + shift, corners[i + 1] + shift);
-                    let middle = (a + b + c) / 3.0;
-                    (middle, kernel(DVec3::ZERO, n_x, middle, n_y) * 0.5 * (b - a).cross(c - a).dot(n_y))
-                })
-            };
-            let (middle, weight) = triangles().fold((DVec3::ZERO, 0.0), |(m, w), (y, k)| (m + y * k, w + k));
-            if weight <= 0.0 {
-                continue;
-            }
-            let mean = radiosity(middle / weight);
-            for n in 0..N {
-                light[n] += factor * mean[n];
-            }
-            for (y, k) in triangles() {
-                let value = radiosity(y);
-                for n in 0..N {
-                    light[n] += k * (value[n] - mean[n]);
-                }
-            }
-        }
-        Some((light, whole * norm(&emitter.coefficients[0])))
-    }
-
-    /// The share of a cell's light per band that the rays to these of its nodes find unblocked.
-    fn visible_share(&self, x: DVec3, targets: &Nodes<N>, visible: u32) -> [f64; N] {
-        let (mut seen, mut total) = ([0.0; N], [0.0; N]);
-        for q in 0..targets.count {
-            let k = kernel(x, self.points.normal, targets.position[q], self.packet.frame.normal);
-            for n in 0..N {
-                let light = k * targets.weighted[q][n].max(0.0);
-                total[n] += light;
-                if visible & (1 << q) != 0 {
-                    seen[n] += light;
-                }
-            }
-        }
-        let votes = visible.count_ones() as f64 / targets.count as f64;
-        std::array::from_fn(|n| if total[n] > 0.0 { seen[n] / total[n] } else { votes })
-    }
-
-    /// Product quadrature.
-    fn far(&mut self, x: DVec3, nodes: &Nodes<N>) -> [f64; N] {
-        self.scratch.work.kernel_evaluations += nodes.count as u64;
-        let mut sum = [0.0; N];
-        for q in 0..nodes.count {
-            let k = kernel(x, self.points.normal, nodes.position[q], self.packet.frame.normal);
-            for n in 0..N {
-                sum[n] += k * nodes.weighted[q][n];
-            }
-        }
-        sum
-    }
-
-    /// Lambert's closed form, with singularity subtraction where the radiosity varies.
-    fn near(&mut self, x: DVec3, emitter: &EmitterCell<N>, nodes: &Nodes<N>, constant: bool) -> [f64; N] {
-        let (n_x, n_y) = (self.points.normal, self.packet.frame.normal);
-        self.scratch.work.lambert_evaluations += 1;
-        let factor = form_factor(x, n_x, emitter.corners(&self.packet.frame));
-        if constant {
-            return emitter.coefficients[0].map(|c| c * factor);
-        }
-        self.scratch.work.kernel_evaluations += nodes.count as u64;
-        let nearest = self.nearest_radiosity(x, emitter);
-        let mut light = nearest.map(|b| b * factor);
-        for q in 0..nodes.count {
-            let k = kernel(x, n_x, nodes.position[q], n_y);
-            for n in 0..N {
-                light[n] += k * (nodes.weighted[q][n] - nodes.area[q] * nearest[n]);
-            }
-        }
-        light
-    }
-
-    /// The emitter's radiosity at its point nearest to `x`.
-    fn nearest_radiosity(&self, x: DVec3, emitter: &EmitterCell<N>) -> [f64; N] {
-        let local = emitter.cell.to_local(self.packet.frame.uv(x)).clamp(DVec2::ZERO, DVec2::ONE);
-        value_at(self.packet.basis, &emitter.coefficients, local)
     }
 
     /// Which of the nodes point `p` sees, as a bit mask.

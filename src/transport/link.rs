@@ -11,6 +11,7 @@ use super::packet::Shape;
 use super::pair::{COARSE, Oracle, Scratch, Task};
 use super::samples::{MAX_SAMPLES, Projected, SampleRule, SampleRules};
 use super::source::Source;
+use super::stored::{Judged, Links};
 use crate::math::basis::MAX_FUNCTIONS;
 use crate::math::{Cell, Split, polygon};
 use crate::scene::Frame;
@@ -64,6 +65,8 @@ pub(super) enum Verdict<const N: usize> {
         error_squared: f64,
         /// Whether it must go down to finer elements if there are any.
         deviates: bool,
+        /// The link, if links are recorded.
+        record: Links,
     },
     /// It goes down to the parts that are there.
     Down,
@@ -127,6 +130,8 @@ pub(super) struct Link<'a, 's, const N: usize, S> {
     pub task: Task<'a, N>,
     /// What an error of irradiance counts.
     pub weight: f64,
+    /// Whether it is recorded.
+    pub records: bool,
     pub aim: &'a Aim<'a, S>,
     pub element: &'s Element<'s>,
     pub samplings: &'s Samplings<'s>,
@@ -222,7 +227,14 @@ impl<const N: usize, S: Source<N>> Link<'_, '_, N, S> {
             return Found::Sharper(look.light);
         }
         let (light, error_squared) = (look.projected.coefficients, link_error * link_error);
-        Found::Verdict(Verdict::Linked { light, error_squared, deviates })
+        let mut record = Links::default();
+        if self.records {
+            let (cell, area_m2) = (self.element.cell, self.element.area_m2);
+            let room = self.aim.threshold / link_error.hypot(hidden);
+            let judged = Judged { cell, area_m2, error_w_m: link_error, room };
+            record.note(judged, &self.scratch.recording.rows, rule);
+        }
+        Found::Verdict(Verdict::Linked { light, error_squared, deviates, record })
     }
 
     /// Cells are not divided for ever.
@@ -256,7 +268,9 @@ impl<const N: usize, S: Source<N>> Link<'_, '_, N, S> {
         let mut uncertain = [0.0; MAX_SAMPLES];
         let n = sampling.count;
         let points = (&sampling.position[..n], &sampling.eye[..n], &self.element.hull[..]);
+        self.scratch.recording.start(if self.records { rule.nodes } else { 0 });
         self.gather(points, self.candidates, tolerance, &mut values[..n], &mut uncertain[..n]);
+        self.scratch.recording.stop();
         let projected = rule.project(&values[..n]);
         let (error, worst) = self.residual(rule, sampling, &projected, &values);
         let unseen = self.weight * mean_square(&uncertain[..n], sampling.inside).sqrt();

@@ -3,6 +3,7 @@
 //! Receivers are sampled: the irradiance from one emitter is evaluated at points of a receiver element ([`gather`]), projected
 //! onto its basis, and judged at further points ([`link`]); what does not pass is divided ([`descent`]). Emitters are integrated
 //! hierarchically from each sample point; of many, those that matter little are taken together ([`cluster`], [`several`]).
+//! What looks see can be recorded ([`recording`]) and kept as links ([`stored`]).
 //!
 //! Nothing here knows a thread; a task ([`pair`]) borrows the sources and owns the receiver.
 
@@ -14,15 +15,18 @@ pub mod gather;
 pub mod kernel;
 pub mod lambert;
 pub mod lamp;
+mod light;
 mod link;
 pub mod nodes;
 pub mod packet;
 pub mod pair;
 pub mod receiver;
+mod recording;
 pub mod samples;
 mod several;
 pub mod share;
 pub mod source;
+pub mod stored;
 pub mod unblocked;
 pub mod view;
 pub mod work;
@@ -36,4 +40,5 @@ pub use receiver::{Deposited, Patch, Receiver};
 pub use samples::SampleRules;
 pub use share::{Alone, Half, Helpers};
 pub use source::Source;
+pub use stored::Store;
 pub use work::Work;

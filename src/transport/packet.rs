@@ -6,6 +6,7 @@
 use glam::{DVec2, DVec3};
 
 use super::nodes::Nodes;
+use super::recording::Unit;
 use crate::math::basis::MAX_FUNCTIONS;
 use crate::math::{Basis, Cell, Split, polygon};
 use crate::scene::{Frame, Surface};
@@ -70,6 +71,8 @@ pub struct EmitterCell<const N: usize> {
     pub outline: Option<Box<[DVec2]>>,
     /// Splits below the packet's deepest level.
     pub virtual_depth: u8,
+    /// How it belongs to its node, where links are recorded.
+    pub(super) unit: Option<Box<Unit>>,
 }
 
 impl<const N: usize> Packet<N> {
@@ -136,7 +139,11 @@ impl<const N: usize> Packet<N> {
             }
         };
         let virtual_depth = if node.is_some() { 0 } else { emitter.virtual_depth + 1 };
-        Some(EmitterCell { cell, node, coefficients, outline, virtual_depth })
+        let unit = emitter.unit.as_ref().map(|unit| match node {
+            Some(n) => Box::new(Unit::of_node(self.basis, n, cell, outline.clone())),
+            None => Box::new(unit.part(self.basis, split, index, outline.clone())),
+        });
+        Some(EmitterCell { cell, node, coefficients, outline, virtual_depth, unit })
     }
 }
 
@@ -147,6 +154,14 @@ fn root<const N: usize>(nodes: &[PacketNode<N>], outline: Option<Box<[DVec2]>>) 
         coefficients: nodes[0].coefficients,
         outline,
         virtual_depth: 0,
+        unit: None,
+    }
+}
+
+impl<const N: usize> PacketNode<N> {
+    /// Root of the mean square over the cell, all bands, of what its polynomial sends.
+    pub(super) fn strength_w_m2(&self) -> f64 {
+        self.coefficients.iter().flatten().map(|c| c * c).sum::<f64>().sqrt()
     }
 }
 

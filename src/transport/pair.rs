@@ -12,6 +12,7 @@ use super::Clusters;
 use super::candidates::Candidates;
 use super::descent::{Aim, Descent};
 use super::receiver::{Deposited, Patch, Receiver};
+use super::recording::Recording;
 use super::samples::SampleRules;
 use super::several::sort;
 use super::share::Helpers;
@@ -81,6 +82,8 @@ pub struct Scratch {
     pub last_blocker: u32,
     /// Parts of emitter cells left visible.
     pub fragments: Fragments,
+    /// What looks see, for links that are to be kept.
+    pub(super) recording: Recording,
     /// What was done.
     pub work: Work,
 }
@@ -111,6 +114,20 @@ impl<const N: usize> Task<'_, N> {
         scratch: &mut Scratch,
         helpers: &dyn Helpers,
     ) -> Deposited<N> {
+        let (mut deposited, resolved) = self.sort((sources, clusters), receiver, scratch, helpers);
+        let resolved: Vec<&S> = resolved.into_iter().map(|index| &sources[index]).collect();
+        deposited.add_after(self.resolve(&resolved, false, receiver, scratch, helpers));
+        deposited
+    }
+
+    /// Takes what matters little; the other sources, by index, are to be resolved.
+    pub(super) fn sort<S: Source<N>, R: Receiver<N>>(
+        self,
+        (sources, clusters): (&[S], Option<&Clusters>),
+        receiver: &mut R,
+        scratch: &mut Scratch,
+        helpers: &dyn Helpers,
+    ) -> (Deposited<N>, Vec<usize>) {
         let area_m2 = self.patch.frame.area_m2 * receiver.shape().share();
         let sorted = sort(self, (sources, clusters), (receiver.shape(), area_m2), scratch, helpers);
         let mut light = [[0.0; N]; MAX_FUNCTIONS];
@@ -119,12 +136,23 @@ impl<const N: usize> Task<'_, N> {
         let (error_squared, span) = (sorted.error_squared, sorted.span);
         let mut deposited = Deposited { error_squared, span, ..Deposited::default() };
         deposited.take(self.patch, &light, area_m2);
-        if !sorted.resolved.is_empty() {
-            let aims: Vec<Aim<'_, S>> =
-                sorted.resolved.iter().map(|index| Aim::new(&sources[*index], self)).collect();
-            deposited.add_after(Descent::new(self, &aims).begin(receiver, scratch, helpers));
+        (deposited, sorted.resolved)
+    }
+
+    /// Resolves sources on a receiver; their links may be recorded.
+    pub(super) fn resolve<S: Source<N>, R: Receiver<N>>(
+        self,
+        sources: &[&S],
+        records: bool,
+        receiver: &mut R,
+        scratch: &mut Scratch,
+        helpers: &dyn Helpers,
+    ) -> Deposited<N> {
+        if sources.is_empty() {
+            return Deposited::default();
         }
-        deposited
+        let aims: Vec<Aim<'_, S>> = sources.iter().map(|source| Aim::new(*source, self)).collect();
+        Descent::new(self, &aims, records).begin(receiver, scratch, helpers)
     }
 
     /// What may stand between anywhere in the scene.

@@ -4,6 +4,7 @@ use ccnuma::Arena;
 use glam::{DVec2, DVec3};
 
 use super::packet::Shape;
+use super::stored::Links;
 use crate::math::Split;
 use crate::math::basis::MAX_FUNCTIONS;
 use crate::scene::{Frame, Surface};
@@ -83,11 +84,14 @@ pub struct Deposited<const N: usize> {
     pub error_squared: f64,
     /// Cost of the longest chain of parts that wait for each other: from the whole receiver down to one of its leaves.
     pub span: u64,
+    /// Links that were recorded.
+    pub links: Links,
 }
 
 impl<const N: usize> Default for Deposited<N> {
     fn default() -> Self {
-        Self { received_w: [0.0; N], to_reflect_w: 0.0, error_squared: 0.0, span: 0 }
+        let (received_w, links) = ([0.0; N], Links::default());
+        Self { received_w, to_reflect_w: 0.0, error_squared: 0.0, span: 0, links }
     }
 }
 
@@ -115,5 +119,6 @@ impl<const N: usize> Deposited<N> {
         self.to_reflect_w += o.to_reflect_w;
         self.error_squared += o.error_squared;
         self.span = self.span.max(o.span);
+        self.links.append(o.links);
     }
 }

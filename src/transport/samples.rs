@@ -126,6 +126,11 @@ impl SampleRule {
         Projected { coefficients, beyond: (energy(&self.beyond_u), energy(&self.beyond_v)) }
     }
 
+    /// The weights of the nodes in coefficient `a`; none if that is left out.
+    pub fn projection(&self, a: usize) -> &[f64] {
+        &self.projection[a]
+    }
+
     /// Squared residual `Σ_bands (projected − value)²` at sample point `p`.
     pub fn residual_squared<const N: usize>(
         &self,

@@ -27,6 +27,10 @@ pub struct Work {
     pub clusters: u64,
     /// Pairs of surfaces that were taken in clusters.
     pub pairs_clustered: u64,
+    /// Links that were stored.
+    pub links_stored: u64,
+    /// Transfers by stored links, which are no interactions.
+    pub links_reused: u64,
 }
 
 impl Work {
@@ -49,5 +53,7 @@ impl std::ops::AddAssign for Work {
         self.pairs_coarse += o.pairs_coarse;
         self.clusters += o.clusters;
         self.pairs_clustered += o.pairs_clustered;
+        self.links_stored += o.links_stored;
+        self.links_reused += o.links_reused;
     }
 }
