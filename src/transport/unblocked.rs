@@ -44,13 +44,13 @@ impl Fragment {
         &self.corners[..self.count]
     }
 
-    /// The part with `normal · v ≥ d`; `None` when it has too many corners.
-    fn clip(&self, normal: DVec3, d: f64) -> Option<Self> {
+    /// Keeps the part with `normal · v ≥ d`; `None` when it has too many corners.
+    fn clip(&mut self, normal: DVec3, d: f64) -> Option<()> {
         if self.corners().iter().all(|v| normal.dot(*v) >= d) {
-            return Some(*self);
+            return Some(());
         }
         let mut out = Self { count: 0, corners: [DVec3::ZERO; MAX_CORNERS] };
-        let Some(mut a) = self.corners().last().copied() else { return Some(out) };
+        let mut a = self.corners()[self.count - 1];
         let mut height_a = normal.dot(a) - d;
         for &b in self.corners() {
             let height_b = normal.dot(b) - d;
@@ -62,7 +62,8 @@ impl Fragment {
             }
             (a, height_a) = (b, height_b);
         }
-        Some(out)
+        *self = out;
+        Some(())
     }
 
     /// Whether it reaches to the side `normal · v > 0` by more than rounding.
@@ -88,8 +89,9 @@ pub fn visible_fragments<'a, 'b>(
     left.push(whole);
     for blocker in blockers {
         // Only what lies between counts: above the eye's horizon and in front of the emitter.
-        let between =
-            Fragment::new(blocker.iter().map(|p| *p - eye))?.clip(n, 0.0)?.clip(n_emitter, d_emitter)?;
+        let mut between = Fragment::new(blocker.iter().map(|p| *p - eye))?;
+        between.clip(n, 0.0)?;
+        between.clip(n_emitter, d_emitter)?;
         if between.count < 3 {
             continue;
         }
@@ -140,22 +142,23 @@ impl Planes {
     /// Appends the parts of `fragment` outside of the blocker to `kept`.
     fn subtract(&self, fragment: &Fragment, kept: &mut Vec<Fragment>) -> Option<()> {
         let margin = 1e-12 * fragment.corners[0].length();
-        let mut keep = |part: Fragment| {
-            kept.push(part);
+        let mut keep = |part: &Fragment| {
+            kept.push(*part);
             (kept.len() <= MAX_FRAGMENTS).then_some(())
         };
         let normals = &self.normals[..self.count];
         if normals.iter().any(|normal| !fragment.reaches(*normal, margin)) {
-            return keep(*fragment);
+            return keep(fragment);
         }
         let mut rest = *fragment;
         for &normal in normals {
             if rest.reaches(-normal, margin) {
-                let outside = rest.clip(-normal, 0.0)?;
+                let mut outside = rest;
+                outside.clip(-normal, 0.0)?;
                 if outside.count >= 3 {
-                    keep(outside)?;
+                    keep(&outside)?;
                 }
-                rest = rest.clip(normal, 0.0)?;
+                rest.clip(normal, 0.0)?;
                 if rest.count < 3 {
                     break;
                 }

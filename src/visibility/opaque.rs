@@ -310,9 +310,12 @@ impl OpaqueFaces {
         match &face.corner {
             Some(corner) => corner.contains(p, overlap(doubt(from, along), corner.per_size, slope)),
             None => {
-                let (p, size) = (project(p, face.axis), (face.high - face.low).max_element());
-                let near = || size * overlap(doubt(from, along), 1.0 / size, slope);
-                self.even_odd(face, p) || self.is_on_edge(face, p, near())
+                let size = (face.high - face.low).max_element();
+                let near = size * overlap(doubt(from, along), 1.0 / size, slope);
+                let (p, low, high) =
+                    (project(p, face.axis), project(face.low, face.axis), project(face.high, face.axis));
+                let is_around = p.cmpge(low - near).all() && p.cmple(high + near).all();
+                is_around && (self.even_odd(face, p) || self.is_on_edge(face, p, near))
             }
         }
     }
