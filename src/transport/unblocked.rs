@@ -15,22 +15,25 @@ const MAX_FRAGMENTS: usize = 48;
 pub struct Fragments {
     whole: Vec<Fragment>,
     kept: Vec<Fragment>,
+    /// The part of a blocker that lies between.
+    between: Fragment,
 }
 
 /// A polygon seen from the eye.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Fragment {
     count: usize,
     corners: [DVec3; MAX_CORNERS],
 }
 
 impl Fragment {
-    fn new(corners: impl Iterator<Item = DVec3>) -> Option<Self> {
-        let mut fragment = Self { count: 0, corners: [DVec3::ZERO; MAX_CORNERS] };
+    /// Makes it this polygon; `None` when that has too many corners.
+    fn fill(&mut self, corners: impl Iterator<Item = DVec3>) -> Option<()> {
+        self.count = 0;
         for corner in corners {
-            fragment.push(corner)?;
+            self.push(corner)?;
         }
-        Some(fragment)
+        Some(())
     }
 
     fn push(&mut self, corner: DVec3) -> Option<()> {
@@ -82,20 +85,19 @@ pub fn visible_fragments<'a, 'b>(
     blockers: impl Iterator<Item = &'a [DVec3]>,
     fragments: &'b mut Fragments,
 ) -> Option<&'b [Fragment]> {
-    let whole = Fragment::new(emitter.map(|p| p - eye))?;
-    let d_emitter = n_emitter.dot(whole.corners[0]);
-    let Fragments { whole: left, kept } = fragments;
-    left.clear();
-    left.push(whole);
+    let Fragments { whole: left, kept, between } = fragments;
+    left.resize(1, Fragment::default());
+    left[0].fill(emitter.map(|p| p - eye))?;
+    let d_emitter = n_emitter.dot(left[0].corners[0]);
     for blocker in blockers {
         // Only what lies between counts: above the eye's horizon and in front of the emitter.
-        let mut between = Fragment::new(blocker.iter().map(|p| *p - eye))?;
+        between.fill(blocker.iter().map(|p| *p - eye))?;
         between.clip(n, 0.0)?;
         between.clip(n_emitter, d_emitter)?;
         if between.count < 3 {
             continue;
         }
-        let Some(planes) = Planes::new(&between) else { continue };
+        let Some(planes) = Planes::new(between) else { continue };
         kept.clear();
         for fragment in left.iter() {
             planes.subtract(fragment, kept)?;

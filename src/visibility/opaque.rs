@@ -325,6 +325,9 @@ impl OpaqueFaces {
         let corners = &self.corners[face.first as usize..(face.first + face.count) as usize];
         let ends = corners.iter().zip(corners.iter().cycle().skip(1));
         ends.into_iter().any(|(a, b)| {
+            if p.y < a.y.min(b.y) - near || p.y > a.y.max(b.y) + near {
+                return false;
+            }
             let (edge, to) = (*b - *a, p - *a);
             let (square, off) = (edge.length_squared(), edge.perp_dot(to));
             off * off <= near * near * square && square > 0.0 && {
