@@ -8,7 +8,7 @@
 //! | [`math`] | multiwavelet bases and two-scale relations, quadrature, planar polygons |
 //! | [`scene`] | surfaces, materials, lights; readers of scene files; validation |
 //! | [`visibility`] | is the segment between two points blocked? which polygons could block it? |
-//! | [`transport`] | the kernel `K`, Lambert's closed form, emission packets, one emitter–receiver pair |
+//! | [`transport`] | the kernel `K`, Lambert's closed form, emission packets, the light of emitters on one receiver |
 //! | [`radiosity`] | elements, push-pull, the state of a solution and its error |
 //! | [`schedule`] | which pair is computed when, and by whom |
 //! | [`study`] | runs over threads and schedules, and replays of recorded runs on other machines |
