@@ -148,7 +148,7 @@ impl<'a, const N: usize, S: Source<N>> Descent<'a, N, S> {
         let hull = cell_corners(&visit.cell).map(|c| self.task.patch.frame.point(c));
         let shape = receiver.shape();
         let area_m2 = self.task.patch.frame.area_m2 * visit.cell.area() * shape.share();
-        let element = Element { cell: visit.cell, hull, shape, area_m2, split: receiver.split() };
+        let element = Element { cell: visit.cell, hull, shape, area_m2, divided: receiver.split().is_some() };
         let Judged { links, faces, span } = self.judge(&element, visit, scratch, helpers);
         deposited.span = span;
         let wanted = links.iter().find_map(|(_, verdict)| match verdict {
@@ -268,7 +268,7 @@ impl<'a, const N: usize, S: Source<N>> Descent<'a, N, S> {
         let samplings = Samplings::new(element, self.task);
         let (before, top) = (scratch.work.cost(), scratch.candidates.len());
         let mut judged = Judged::default();
-        let mut divided = element.split.is_some();
+        let mut divided = element.divided;
         for visitor in visit.visitors {
             let aim = &self.aims[visitor.aim as usize];
             if !aim.source.reaches(self.task.patch.frame.normal, &element.hull) {

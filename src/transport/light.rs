@@ -13,7 +13,7 @@ use super::gather::{Gather, How};
 use super::kernel::kernel;
 use super::lambert::form_factor;
 use super::nodes::{CellNodes, Nodes, value_at};
-use super::packet::EmitterCell;
+use super::packet::{EmitterCell, Packet};
 use super::recording::{Row, Unit};
 use super::unblocked::visible_fragments;
 use crate::math::basis::MAX_FUNCTIONS;
@@ -153,10 +153,8 @@ impl<const N: usize> Gather<'_, N> {
         self.scratch.work.lambert_evaluations += 1 + visible.len() as u64;
         let whole = form_factor(x, n_x, emitter.corners(&self.packet.frame));
         let mut light = [0.0; M];
-        let radiosity = |y: DVec3| {
-            let local = emitter.cell.to_local(self.packet.frame.uv(x + y)).clamp(DVec2::ZERO, DVec2::ONE);
-            value_at(self.packet.basis, &emitter.coefficients, local)
-        };
+        let packet = self.packet;
+        let radiosity = |y: DVec3| nearest_radiosity(packet, emitter, x + y);
         for fragment in visible {
             // Relative to the point that the light falls on, which beyond a cut polygon's edge is not the eye.
             let corners = fragment.corners();
@@ -237,7 +235,7 @@ impl<const N: usize> Gather<'_, N> {
             return emitter.coefficients[0].map(|c| c * factor);
         }
         self.scratch.work.kernel_evaluations += nodes.count as u64;
-        let nearest = self.nearest_radiosity(x, emitter);
+        let nearest = nearest_radiosity(self.packet, emitter, x);
         let mut light = nearest.map(|b| b * factor);
         for q in 0..nodes.count {
             let k = kernel(x, n_x, nodes.position[q], n_y);
@@ -247,10 +245,14 @@ impl<const N: usize> Gather<'_, N> {
         }
         light
     }
+}
 
-    /// The emitter's radiosity at its point nearest to `x`.
-    fn nearest_radiosity<const M: usize>(&self, x: DVec3, emitter: &EmitterCell<M>) -> [f64; M] {
-        let local = emitter.cell.to_local(self.packet.frame.uv(x)).clamp(DVec2::ZERO, DVec2::ONE);
-        value_at(self.packet.basis, &emitter.coefficients, local)
-    }
+/// The radiosity of a packet's cell at its point nearest to `x`.
+fn nearest_radiosity<const N: usize, const M: usize>(
+    packet: &Packet<N>,
+    emitter: &EmitterCell<M>,
+    x: DVec3,
+) -> [f64; M] {
+    let local = emitter.cell.to_local(packet.frame.uv(x)).clamp(DVec2::ZERO, DVec2::ONE);
+    value_at(packet.basis, &emitter.coefficients, local)
 }

@@ -52,7 +52,7 @@ pub(super) struct Element<'a> {
     /// Area of what lies on the polygon, in m².
     pub area_m2: f64,
     /// Whether it is divided already.
-    pub split: Option<Split>,
+    pub divided: bool,
 }
 
 /// What becomes of a link.
