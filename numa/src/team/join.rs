@@ -1,5 +1,5 @@
 //! Fork-join inside a task, after rayon and Cilk: `b` is offered to others while `a` runs, and taken back if nobody
-//! wanted it. Waiting for a stolen `b` means helping the thief with it, as far as it offers parts of it, then sleeping
+//! wanted it. Waiting for a stolen `b` means helping the thief with it, as far as it offers parts of it, and sleeping in between
 //! (leapfrogging: Wagner, Calder, PPoPP 1993). Anything else would keep whoever waits for this join waiting longer.
 
 use std::cell::UnsafeCell;
@@ -9,10 +9,8 @@ use std::sync::atomic::Ordering::Relaxed;
 
 use super::latch::Latch;
 use super::panic::WorkerPanic;
+use super::sleep::NOBODY;
 use super::{Task, Worker};
-
-/// No worker.
-pub(super) const NOBODY: usize = usize::MAX;
 
 /// A job on the stack of the frame that waits for it.
 pub(super) struct StackJob<F, R> {

@@ -8,10 +8,10 @@
 //! `state` is taken back to [`AWAKE`] by exactly one waker, who then owes the sleeper one token; a worker that retracts
 //! but finds its state taken waits for that token, so that none is left over for its next sleep.
 //!
-//! Who waits for one certain thing, and may do nothing else, sleeps **deaf**: new tasks wake others.
+//! Who waits for one certain thing sleeps **deaf**: new tasks wake others, but for those of one worker that it may help to get there.
 
 use crossbeam_utils::CachePadded;
-use std::sync::atomic::Ordering::{AcqRel, Relaxed, SeqCst};
+use std::sync::atomic::Ordering::{AcqRel, Relaxed, Release, SeqCst};
 
 use crate::sync::{AtomicUsize, Condvar, Mutex, fence, lock, wait};
 
@@ -19,12 +19,19 @@ use crate::sync::{AtomicUsize, Condvar, Mutex, fence, lock, wait};
 const AWAKE: usize = 0;
 /// Asleep until there is something to do.
 const ASLEEP: usize = 1;
-/// Asleep until what it waits for is there.
+/// Asleep until what it waits for is there, or who works at it offers a part.
 const DEAF: usize = 2;
+
+/// No worker.
+pub(super) const NOBODY: usize = usize::MAX;
 
 #[derive(Debug)]
 struct Bed {
     state: AtomicUsize,
+    /// Whose offers wake it all the same while it is deaf; written before the state.
+    hears: AtomicUsize,
+    /// How many deaf sleepers hear its owner's offers.
+    heard: AtomicUsize,
     token: Mutex<bool>,
     wake: Condvar,
 }
@@ -42,6 +49,8 @@ impl Sleep {
         let bed = |_| {
             CachePadded::new(Bed {
                 state: AtomicUsize::new(AWAKE),
+                hears: AtomicUsize::new(NOBODY),
+                heard: AtomicUsize::new(0),
                 token: Mutex::new(false),
                 wake: Condvar::new(),
             })
@@ -57,10 +66,15 @@ impl Sleep {
         fence(SeqCst);
     }
 
-    /// As [`Sleep::announce`], for who is to be woken by [`Sleep::wake_after_write`] only.
-    pub fn announce_deaf(&self, who: usize) {
-        // Relaxed: the fence orders it before the look that follows.
-        self.beds[who].state.store(DEAF, Relaxed);
+    /// As [`Sleep::announce`], for who is to be woken by [`Sleep::wake_after_write`], and by what worker `hears` offers, if that is one.
+    pub fn announce_deaf(&self, who: usize, hears: usize) {
+        let bed = &self.beds[who];
+        bed.hears.store(hears, Relaxed);
+        if let Some(heard) = self.beds.get(hears) {
+            heard.heard.fetch_add(1, Relaxed);
+        }
+        // Release: who takes the state reads whom it hears. The fence orders it before the look that follows.
+        bed.state.store(DEAF, Release);
         fence(SeqCst);
     }
 
@@ -98,12 +112,21 @@ impl Sleep {
         self.wake(who, &[ASLEEP, DEAF]);
     }
 
-    /// Wakes the first of `order` that sleeps, after something was made visible.
-    pub fn wake_first(&self, order: impl IntoIterator<Item = usize>) {
+    /// Wakes the first of `order` that sleeps, after something was made visible; says whether there was one.
+    pub fn wake_first(&self, order: impl IntoIterator<Item = usize>) -> bool {
         fence(SeqCst);
-        if self.sleeping.load(Relaxed) > 0 {
-            order.into_iter().any(|who| self.wake(who, &[ASLEEP]));
-        }
+        self.anyone_asleep() && order.into_iter().any(|who| self.wake(who, &[ASLEEP]))
+    }
+
+    /// Whether a deaf sleeper hears `who`, as far as this thread has heard.
+    pub fn is_heard(&self, who: usize) -> bool {
+        self.beds[who].heard.load(Relaxed) > 0
+    }
+
+    /// Wakes the first of `order` that is deaf but for `who`, after `who` made something visible.
+    pub fn wake_listener(&self, who: usize, order: impl IntoIterator<Item = usize>) {
+        let hears = |other: usize| self.beds[other].hears.load(Relaxed) == who;
+        order.into_iter().any(|other| hears(other) && self.wake(other, &[DEAF]));
     }
 
     /// Whether somebody sleeps, as far as this thread has heard.
@@ -125,8 +148,14 @@ impl Sleep {
         let take =
             |state: &&usize| self.beds[who].state.compare_exchange(**state, AWAKE, AcqRel, Relaxed).is_ok();
         let taken = states.iter().find(take);
-        if taken == Some(&ASLEEP) {
-            self.sleeping.fetch_sub(1, Relaxed);
+        match taken {
+            Some(&ASLEEP) => _ = self.sleeping.fetch_sub(1, Relaxed),
+            Some(_) => {
+                if let Some(heard) = self.beds.get(self.beds[who].hears.load(Relaxed)) {
+                    heard.heard.fetch_sub(1, Relaxed);
+                }
+            }
+            None => {}
         }
         taken.is_some()
     }
@@ -136,7 +165,7 @@ impl Sleep {
 mod models {
     use super::*;
     use loom::sync::Arc;
-    use std::sync::atomic::Ordering::{Acquire, Release};
+    use std::sync::atomic::Ordering::Acquire;
 
     /// Hand-over: a task made visible to a worker that is falling asleep is always run; the worker that waits for
     /// its end (termination) is always woken. Worker 0 takes tasks, sleeper 1 waits for both to be done.
@@ -206,12 +235,41 @@ mod models {
                 })
             };
             while latch.load(Acquire) == 0 {
-                sleep.announce_deaf(1);
+                sleep.announce_deaf(1, NOBODY);
                 if latch.load(Acquire) > 0 { sleep.retract(1) } else { sleep.sleep(1) }
             }
             worker.join().unwrap();
             waker.join().unwrap();
             assert_eq!(sleep.sleeping.load(Relaxed), 0);
+        });
+    }
+
+    /// A deaf sleeper hears the offers of the one whom it waits for. An offer that it misses does not keep it from what it waits for.
+    #[test]
+    fn loom_the_deaf_hear_whom_they_wait_for() {
+        let mut model = loom::model::Builder::new();
+        model.preemption_bound = Some(3);
+        model.check(|| {
+            let sleep = Arc::new(Sleep::new(2));
+            let (offer, latch) = (Arc::new(AtomicUsize::new(0)), Arc::new(AtomicUsize::new(0)));
+            let thief = {
+                let (sleep, offer, latch) = (Arc::clone(&sleep), Arc::clone(&offer), Arc::clone(&latch));
+                loom::thread::spawn(move || {
+                    offer.store(1, Release);
+                    if sleep.is_heard(0) {
+                        sleep.wake_listener(0, [1]);
+                    }
+                    latch.store(1, Release);
+                    sleep.wake_after_write(1);
+                })
+            };
+            while latch.load(Acquire) == 0 {
+                sleep.announce_deaf(1, 0);
+                let found = offer.swap(0, AcqRel) > 0;
+                if found || latch.load(Acquire) > 0 { sleep.retract(1) } else { sleep.sleep(1) }
+            }
+            thief.join().unwrap();
+            assert_eq!((sleep.beds[0].heard.load(Relaxed), *lock(&sleep.beds[1].token)), (0, false));
         });
     }
 
@@ -224,7 +282,7 @@ mod models {
             let sleep = Arc::new(Sleep::new(1));
             let wakers = [0, 1].map(|_| {
                 let sleep = Arc::clone(&sleep);
-                loom::thread::spawn(move || sleep.wake_first([0]))
+                loom::thread::spawn(move || _ = sleep.wake_first([0]))
             });
             sleep.announce(0);
             sleep.retract(0);

@@ -10,9 +10,9 @@ use std::sync::atomic::Ordering::{Acquire, Relaxed};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, TryLockError};
 use std::time::Instant;
 
-use super::join::NOBODY;
 use super::latch::Latch;
 use super::panic::BrokenBarrier;
+use super::sleep::NOBODY;
 use super::times::{Account, Clock, State};
 use super::{Shared, Task};
 use crate::arena::Arena;
@@ -194,18 +194,20 @@ impl Worker {
     pub(super) fn push(&self, task: Task, reach: Reach) {
         let was_empty = self.queue.is_empty();
         self.queue.push(task, reach);
-        if was_empty || self.shared.sleep.anyone_asleep() {
-            self.wake_nearest(reach);
+        let sleep = &self.shared.sleep;
+        let woken = (was_empty || sleep.anyone_asleep()) && self.wake_nearest(reach);
+        if !woken && sleep.is_heard(self.index) {
+            sleep.wake_listener(self.index, self.shared.wake_order[self.index].workers.iter().copied());
         }
     }
 
-    fn wake_nearest(&self, reach: Reach) {
+    fn wake_nearest(&self, reach: Reach) -> bool {
         let order = &self.shared.wake_order[self.index];
         let near = match reach {
             Reach::Node => order.near,
             Reach::Machine => order.workers.len(),
         };
-        self.shared.sleep.wake_first(order.workers[..near].iter().copied());
+        self.shared.sleep.wake_first(order.workers[..near].iter().copied())
     }
 
     /// Runs a task that came through a queue.
@@ -251,10 +253,9 @@ impl Worker {
             rounds = 0;
             match help {
                 Help::Anybody => self.shared.sleep.announce(self.index),
-                Help::Thief(_) => self.shared.sleep.announce_deaf(self.index),
+                Help::Thief(thief) => self.shared.sleep.announce_deaf(self.index, thief.load(Relaxed)),
             }
-            // The announcement is out: whatever appears from now on wakes this worker, so look once more. What a thief
-            // offers from now on is for others.
+            // The announcement is out: whatever appears from now on wakes this worker, so look once more.
             if done() {
                 self.shared.sleep.retract(self.index);
             } else if let Some((task, origin)) = self.find(help) {

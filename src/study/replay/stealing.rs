@@ -1,7 +1,7 @@
 //! One batch as a stealing team runs it, replayed event by event (`schedule::crew` and `ccnuma`'s team): items go to the inboxes of their home
 //! nodes, the costliest first, one range per worker; a range offers half of itself whenever its worker has nothing else on offer or an item to
 //! run that is a good part of it, a task at each of its forks; who has nothing to do takes the oldest offer of the nearest, who waits for a
-//! half that was stolen only what its thief offers.
+//! half that was stolen only what its thief offers, then and later.
 
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, VecDeque};
@@ -208,8 +208,21 @@ impl Replay<'_, '_> {
             Look::Workers(workers) => workers.iter().find(|other| self.waiting[**other]),
             Look::Inbox(_) => None,
         });
-        if let Some(&nearest) = nearest {
-            self.wake(nearest, now);
+        match nearest {
+            Some(&nearest) => self.wake(nearest, now),
+            None => self.wake_listener(worker, now),
+        }
+    }
+
+    /// Wakes a worker that waits for what the thief is at.
+    fn wake_listener(&mut self, thief: usize, now: Nanos) {
+        let waits = |worker: &usize| match self.stacks[*worker].last() {
+            Some(Frame::Join(fork)) => self.deaf[*worker] && self.forks[*fork].thief == Some(thief),
+            _ => false,
+        };
+        if let Some(listener) = (0..self.deaf.len()).find(waits) {
+            self.deaf[listener] = false;
+            self.events.push(Reverse((now + self.site.wake(), listener)));
         }
     }
 
