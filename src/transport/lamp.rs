@@ -77,6 +77,13 @@ impl<const N: usize> Source<N> for Lamp<N> {
         corners.first().is_some_and(|c| normal.dot(self.origin(*c) - *c) > 0.0)
     }
 
+    fn place(&self) -> Option<(DVec3, f64)> {
+        match &self.light {
+            Light::Point { position, .. } | Light::Spot { position, .. } => Some((*position, 0.0)),
+            Light::Directional { .. } => None,
+        }
+    }
+
     fn estimate_w_m2(&self, centre: DVec3, radius: f64, _normal: DVec3) -> f64 {
         match &self.light {
             Light::Directional { .. } => norm(&self.spectrum),

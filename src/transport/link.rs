@@ -40,6 +40,9 @@ const MODEST_UNSEEN: f64 = 8.0;
 const SHARPER: f64 = 0.2;
 const SHARPEST: f64 = 1e-6;
 
+/// A spot that a source lights less than this share of a cell's side away lies between the sample points.
+const SPOT: f64 = 0.125;
+
 /// Cells are not divided below this extent of the surface's parametrisation.
 const LEAST_EXTENT: f64 = 1.0 / (1 << 20) as f64;
 
@@ -188,6 +191,9 @@ impl<const N: usize, S: Source<N>> Link<'_, '_, N, S> {
         let sampling = samplings.full(self.aim.extend);
         loop {
             match self.look_at((rule, sampling), &allowance, 1.0, tolerance) {
+                Found::Verdict(Verdict::Linked { light, .. }) if !forced && self.overlooks_spot(&light) => {
+                    return Verdict::Rough(self.longer_side());
+                }
                 Found::Verdict(verdict) => return verdict,
                 Found::Rough(look) => return Verdict::Rough(self.direction(&look)),
                 Found::Sharper(light) => {
@@ -235,6 +241,34 @@ impl<const N: usize, S: Source<N>> Link<'_, '_, N, S> {
             record.note(judged, &self.scratch.recording.rows, rule);
         }
         Found::Verdict(Verdict::Linked { light, error_squared, deviates, record })
+    }
+
+    /// Whether the projected `light` lacks a spot between the sample points: what falls on the foot of the perpendicular from a source that is
+    /// small and near is compared with it.
+    fn overlooks_spot(&mut self, light: &[[f64; N]; MAX_FUNCTIONS]) -> bool {
+        let Some((middle, reach_m)) = self.aim.source.place() else { return false };
+        let frame = &self.task.patch.frame;
+        let uv = frame.uv(middle);
+        let (foot, local) = (frame.point(uv), self.element.cell.to_local(uv));
+        let (u_m, v_m) = self.sides_m();
+        let spot_m = foot.distance(middle).max(reach_m);
+        if spot_m > SPOT * u_m.max(v_m) || local.min_element() < 0.0 || local.max_element() > 1.0 {
+            return false;
+        }
+        if matches!(self.element.shape, Shape::Part(outline, _) if !polygon::contains(outline, uv)) {
+            return false;
+        }
+        let point = std::slice::from_ref(&foot);
+        let quarter_w_m2 = 0.25 * self.aim.source.strength();
+        let tolerance = Tolerance { relative: COARSE, absolute_w_m2: COARSE * quarter_w_m2 };
+        let mut there = [[0.0; N]];
+        self.gather((point, point, point), self.candidates, tolerance, &mut there, &mut [0.0]);
+        let functions = self.task.rules.samples.full.basis.evaluate(local);
+        let missing: [f64; N] = std::array::from_fn(|n| {
+            there[0][n] - functions.iter().zip(light).map(|(value, light)| value * light[n]).sum::<f64>()
+        });
+        let spot_area_m2 = (std::f64::consts::PI * spot_m * spot_m).min(self.element.area_m2);
+        self.weight * norm(&missing) * spot_area_m2.sqrt() > self.aim.threshold
     }
 
     /// Cells are not divided for ever.

@@ -76,6 +76,12 @@ pub struct EmitterCell<const N: usize> {
 }
 
 impl<const N: usize> Packet<N> {
+    /// Middle and radius in metres of a sphere around the parallelogram.
+    pub(super) fn sphere(&self) -> (DVec3, f64) {
+        let (u, v) = (self.frame.u, self.frame.v);
+        (self.frame.point(DVec2::splat(0.5)), 0.5 * (u + v).length().max((u - v).length()))
+    }
+
     /// The packet of the surface with this index; `nodes` as in [`Packet::nodes`].
     pub fn new(
         index: u32,

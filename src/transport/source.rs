@@ -1,6 +1,6 @@
 //! Where light comes from, as a pair task sees it.
 
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 
 use super::candidates::Candidates;
 use super::gather::{Gather, Points, Tolerance, norm};
@@ -21,6 +21,8 @@ pub trait Source<const N: usize>: Sync {
     fn reaches(&self, normal: DVec3, corners: &[DVec3]) -> bool;
     /// Estimate, on the safe side, of the irradiance norm on a sphere with this normal.
     fn estimate_w_m2(&self, centre: DVec3, radius: f64, normal: DVec3) -> f64;
+    /// Its middle, and how far it reaches from there at most, in metres; none if it is infinitely far away.
+    fn place(&self) -> Option<(DVec3, f64)>;
     /// The largest exitance or intensity it has: what the geometry oracle divides by.
     fn strength(&self) -> f64;
     /// Adds the irradiance at `points`, each to about `tolerance`.
@@ -62,8 +64,7 @@ impl<const N: usize> Source<N> for Packet<N> {
     }
 
     fn estimate_w_m2(&self, centre: DVec3, radius: f64, normal: DVec3) -> f64 {
-        let middle = self.frame.point(DVec2::splat(0.5));
-        let half = 0.5 * (self.frame.u + self.frame.v).length().max((self.frame.u - self.frame.v).length());
+        let (middle, half) = self.sphere();
         let between = middle - centre;
         let distance = between.length();
         let gap = (distance - radius - half).max(0.0);
@@ -72,6 +73,10 @@ impl<const N: usize> Source<N> for Packet<N> {
         let cos_y = cosine(-self.frame.normal.dot(between) + radius + half);
         let area = self.frame.area_m2;
         self.strength() * (cos_x * cos_y * area / (std::f64::consts::PI * gap * gap + area))
+    }
+
+    fn place(&self) -> Option<(DVec3, f64)> {
+        Some(self.sphere())
     }
 
     fn strength(&self) -> f64 {

@@ -81,12 +81,10 @@ pub fn areas_apart(form: Form) -> Vec<Case> {
         ("small receiver close by", 1.0, 1e-4, 1e-3),
     ];
     let of = |(basis, error): &(Basis, f64)| {
-        // Constants take more than 2 GB to follow the close lamp's peak: too many for this list.
-        let few = pairs.iter().filter(|(name, ..)| *basis != Basis::Haar || *name != "small lamp close by");
         let held = |(name, lamp, floor, height): &(&str, f64, f64, f64)| {
             held(item, *name, lamp_over_floor(*lamp, *floor, *height), *basis, *error)
         };
-        few.map(held).collect::<Vec<_>>()
+        pairs.iter().map(held).collect::<Vec<_>>()
     };
     settings.iter().flat_map(of).collect()
 }
@@ -189,8 +187,6 @@ pub fn deep(form: Form) -> Vec<Case> {
         let lamp = Case::new(item, format!("lamp of {h:e} m at {h:e} m over the floor"), scene)
             .solved(Basis::M3, 0.1)
             .demand(What::Received(h * h), 0.1);
-        let unseen = *h < 5e-4;
-        let lamp = if unseen { lamp.today(1.0, "peaks between sample points are not seen") } else { lamp };
         cases.push(lamp.demand(What::Elements, 1e5));
     }
     cases
