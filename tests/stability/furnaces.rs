@@ -99,7 +99,7 @@ pub fn near_coplanar(form: Form) -> Vec<Case> {
         cases.push(if *gap > 2e-5 {
             over
         } else {
-            over.all_today(0.35, "nearer than 1e-6 touches: both shine")
+            over.all_today(0.4, "nearer than 1e-6 touches: both shine")
         });
         let plate = solid(&rectangle((0.23, 0.31), (0.64, 0.82)), *gap, 0.1);
         cases.push(closed(
