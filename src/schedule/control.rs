@@ -10,9 +10,9 @@ use ccnuma::{Team, WorkerPanic};
 
 use crate::math::Basis;
 use crate::radiosity::{Field, Solution, Tree, add_ambient, extent_m, field_packet};
-use crate::scene::{Light, Scene, Surface};
+use crate::scene::{Scene, Surface};
 use crate::transport::lamp::Lamp;
-use crate::transport::{Oracle, Packet, Rules, SampleRules, Source, Work};
+use crate::transport::{Oracle, Packet, Rules, SampleRules, Work};
 use crate::visibility::Occluder;
 
 use super::batch::Batches;
@@ -21,6 +21,7 @@ use super::copies::Copies;
 use super::crew::Crew;
 use super::footprint::Footprint;
 use super::gathering::COARSER_PILOT;
+use super::guess::{self, even_norm_w_m};
 use super::pass::{Pass, PassStatistics, REFLECTED_SHARE, reflected_norm};
 use super::record::Record;
 use super::watch::{Observer, Watch, observed};
@@ -165,7 +166,8 @@ struct Run<'a, const N: usize> {
     lamps: Vec<Lamp<N>>,
     /// What surfaces emit.
     emitters: Vec<Packet<N>>,
-    area_m2: f64,
+    /// The norm of reflected radiosity in W/m, guessed.
+    even_norm_w_m: f64,
     /// Area-weighted mean over surfaces of the largest reflectance over bands.
     mean_reflectance: f64,
     budget: Budget,
@@ -209,7 +211,7 @@ impl<'a, const N: usize> Run<'a, N> {
         let emits = |s: &Surface| s.exitance_w_m2.iter().any(|m| *m > 0.0);
         let even = |s: &Surface| Field::even(&s.exitance_w_m2);
         let packet = |i: usize, field: &Field| field_packet(i, &surfaces[i], field, |_, _, m| m);
-        let emitters = match exitance {
+        let emitters: Vec<Packet<N>> = match exitance {
             Some(fields) => fields.iter().enumerate().map(|(i, field)| packet(i, field)).collect(),
             None => surfaces
                 .iter()
@@ -218,29 +220,32 @@ impl<'a, const N: usize> Run<'a, N> {
                 .map(|(i, s)| packet(i, &even(s)))
                 .collect(),
         };
+        let gain = rho / (1.0 - rho);
         Self {
+            even_norm_w_m: even_norm_w_m(&scene.lights, surfaces, &emitters, gain),
             scene,
             surfaces,
             occluder,
             options,
             lamps,
             emitters,
-            area_m2,
             mean_reflectance: mean,
-            budget: Budget { target, basis, gain: rho / (1.0 - rho), root_area_m: area_m2.sqrt() },
+            budget: Budget { target, basis, gain, root_area_m: area_m2.sqrt() },
         }
     }
 
     fn solve(&self, mut means: Means<'_, '_, '_>) -> Result<Outcome, WorkerPanic> {
         let watch = means.watch;
         let mut work = Work::default();
-        let (budget, guess) = (self.budget, self.guess_norm());
+        watch.pass(0);
+        let mut trees = means.crew.grow::<N>(self.surfaces, self.options.basis)?;
+        // In the open, light stays near where it falls: there it makes a larger norm than if it were spread evenly.
+        let (budget, sources) = (self.budget, (&self.lamps[..], &self.emitters[..]));
+        let guess = guess::norm_w_m(self.even_norm_w_m, sources, self.occluder, &mut trees, means.crew)?;
         let mut threshold = budget.first_threshold_w_m(guess, self.surfaces.len());
         if matches!(means.batches, Batches::All { .. }) && !budget.pilot_may_suffice() {
             threshold *= COARSER_PILOT;
         }
-        watch.pass(0);
-        let mut trees = means.crew.grow::<N>(self.surfaces, self.options.basis)?;
         let first = (budget.pilot_error(), guess);
         let mut attempt = self.attempt(&mut trees, threshold, first, true, &mut means)?;
         let mut threshold = attempt.threshold_w_m;
@@ -283,32 +288,6 @@ impl<'a, const N: usize> Run<'a, N> {
             None => means.crew.map(&mut trees, |_| true, |tree| tree.field())?,
         };
         self.outcome(attempt, fields, trees, work, passes, means)
-    }
-
-    /// An order of magnitude of the norm of reflected radiosity, in W/m: an integrating sphere with the scene's area and power.
-    fn guess_norm(&self) -> f64 {
-        let area_m2 = |packet: &Packet<N>| self.surfaces[packet.surface as usize].area_m2;
-        let emitted: f64 = self.emitters.iter().map(|p| area_m2(p) * p.strength()).sum();
-        let lamps: f64 = self
-            .scene
-            .lights
-            .iter()
-            .map(|light| match light {
-                Light::Point { intensity_w_sr, .. } => {
-                    4.0 * std::f64::consts::PI * square_sum(intensity_w_sr).sqrt()
-                }
-                Light::Spot { intensity_w_sr, .. } => {
-                    std::f64::consts::PI * square_sum(intensity_w_sr).sqrt()
-                }
-                Light::Directional { irradiance_w_m2, .. } => {
-                    0.25 * self.area_m2 * square_sum(irradiance_w_m2).sqrt()
-                }
-            })
-            .sum();
-        if self.area_m2 == 0.0 {
-            return 0.0;
-        }
-        (emitted + lamps) * self.budget.gain.min(4.0) / self.budget.root_area_m
     }
 
     /// One pass, which is to err by `error` where the norm is as given. That of a pilot is known by guess only, and of a coarse target put
@@ -366,7 +345,7 @@ impl<'a, const N: usize> Run<'a, N> {
         Rules {
             oracle: self.options.oracle,
             threshold_w_m,
-            reference_w_m2: self.guess_norm() / self.budget.root_area_m,
+            reference_w_m2: self.even_norm_w_m / self.budget.root_area_m,
             least_reflectance: self.mean_reflectance,
             point_w_m2: self.budget.point_w_m2(allowed_w_m),
             samples: SampleRules::new(self.options.basis),
@@ -449,8 +428,4 @@ impl Attempt {
         work += self.statistics.interreflection;
         work
     }
-}
-
-fn square_sum(values: &[f64]) -> f64 {
-    values.iter().map(|v| v * v).sum()
 }

@@ -19,6 +19,7 @@ mod copies;
 mod crew;
 mod footprint;
 mod gathering;
+mod guess;
 pub mod homes;
 mod mixing;
 mod parts;

@@ -1,8 +1,11 @@
 //! What a source is expected to make a receiver cost, before anything is known of either: what it would bring if nothing stood in between,
 //! against what is small enough to be left alone.
 
+use super::candidates::Candidates;
+use super::gather::{Points, Tolerance, norm};
 use super::receiver::Patch;
-use super::{Rules, Source};
+use super::{Rules, Scratch, Source};
+use crate::visibility::Occluder;
 
 impl<const N: usize> Patch<N> {
     /// The cost to be expected of `source`, in no particular unit, for a surface of `area_m2`. Links that are divided until each carries no
@@ -16,6 +19,25 @@ impl<const N: usize> Patch<N> {
         let estimate = source.estimate_w_m2(centre, radius, self.frame.normal);
         let carried_w_m = self.weight(rules.least_reflectance) * estimate * area_m2.sqrt();
         (carried_w_m / rules.threshold_w_m).sqrt()
+    }
+
+    /// The irradiance norm in W/m² that `source` would cause in the middle of the surface if nothing stood in between, to a fifth.
+    pub fn unshaded_w_m2(
+        &self,
+        source: &impl Source<N>,
+        occluder: &dyn Occluder,
+        scratch: &mut Scratch,
+    ) -> f64 {
+        if source.surface() == self.surface || !source.reaches(self.frame.normal, &self.corners) {
+            return 0.0;
+        }
+        let middle = [self.sphere().0];
+        let (position, normal, face) = (&middle[..], self.frame.normal, self.face);
+        let points = Points { position, eye: position, normal, face, hull: position };
+        let tolerance = Tolerance { relative: 0.2, absolute_w_m2: 0.0 };
+        let mut irradiance = [[0.0; N]];
+        source.gather(&points, occluder, Candidates::Free, tolerance, &mut irradiance, &mut [0.0], scratch);
+        norm(&irradiance[0])
     }
 }
 
