@@ -1,7 +1,8 @@
-//! The mathematics that knows no light: function bases, quadrature, planar polygons.
+//! The mathematics that knows no light: function bases, quadrature, planar polygons, vectors side by side.
 
 pub mod basis;
 pub mod cell;
+pub mod lanes;
 pub mod polygon;
 pub mod quadrature;
 

@@ -6,20 +6,19 @@ use wide::f64x4;
 
 use super::opaque::{Parts, doubt, overlaps};
 use super::{END_MARGIN, OpaqueFaces};
+use crate::math::lanes::{DVec3x4, LANES};
 
-/// Faces per block.
-pub(super) const LANES: usize = 4;
 /// Stands in the lanes that hold no face.
 pub(super) const NO_FACE: u32 = u32::MAX;
 
 /// Up to four faces; the others have no normal, which nothing meets.
 #[derive(Clone)]
 pub(super) struct Block {
-    normal: [f64x4; 3],
+    normal: DVec3x4,
     offset: f64x4,
-    a: [f64x4; 3],
+    a: DVec3x4,
     a0: f64x4,
-    b: [f64x4; 3],
+    b: DVec3x4,
     b0: f64x4,
     per_size: f64x4,
     /// All bits where the far half of the parallelogram belongs to the face.
@@ -43,26 +42,14 @@ impl Line {
     }
 }
 
-#[inline(always)]
-fn splat(v: DVec3) -> [f64x4; 3] {
-    [f64x4::splat(v.x), f64x4::splat(v.y), f64x4::splat(v.z)]
-}
-
-/// By the order of [`DVec3::dot`], without fused operations.
-#[inline(always)]
-fn dot(a: &[f64x4; 3], b: &[f64x4; 3]) -> f64x4 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
 impl Block {
     /// The block of these faces, of which there are at most four.
     pub fn new(faces: &OpaqueFaces, list: &[u32]) -> Self {
-        let parts: [Parts; LANES] =
-            std::array::from_fn(|i| list.get(i).map_or(Parts::default(), |f| faces.parts(*f)));
-        let lanes = |value: &dyn Fn(&Parts) -> f64| f64x4::from(parts.each_ref().map(value));
-        let vector = |value: &dyn Fn(&Parts) -> DVec3| {
-            std::array::from_fn(|axis| lanes(&|part: &Parts| value(part)[axis]))
-        };
+        let none = Parts::default();
+        let parts: [&Parts; LANES] =
+            std::array::from_fn(|i| list.get(i).map_or(&none, |face| faces.parts(*face)));
+        let lanes = |value: &dyn Fn(&Parts) -> f64| f64x4::from(parts.map(value));
+        let vector = |value: &dyn Fn(&Parts) -> DVec3| DVec3x4::new(&parts.map(value));
         let mask = |part: &Parts| f64::from_bits(if part.corner.parallelogram { u64::MAX } else { 0 });
         Self {
             normal: vector(&|part| part.normal),
@@ -90,7 +77,7 @@ impl Block {
         open: u32,
         last: &mut u32,
     ) -> u32 {
-        let height = self.offset - dot(&self.normal, &splat(from));
+        let height = self.offset - self.normal.dot(&DVec3x4::splat(from));
         let (least, greatest) = (f64x4::splat(END_MARGIN), f64x4::splat(1.0 - END_MARGIN));
         let mut blocked = 0;
         let mut rest = open;
@@ -98,7 +85,7 @@ impl Block {
             let i = rest.trailing_zeros() as usize % along.len();
             rest &= rest - 1;
             let line = Line { from, along: along[i] };
-            let slope = dot(&self.normal, &splat(line.along));
+            let slope = self.normal.dot(&DVec3x4::splat(line.along));
             let t = height / slope;
             let inside = t.simd_gt(least) & t.simd_lt(greatest);
             if inside.any() {
@@ -130,8 +117,8 @@ impl Block {
     /// Calls `found` with each face that the line meets in front of its origin up to `reach`, and where.
     #[inline]
     pub fn hits(&self, faces: &OpaqueFaces, line: &Line, reach: f64, mut found: impl FnMut(u32, f64)) {
-        let slope = dot(&self.normal, &splat(line.along));
-        let t = (self.offset - dot(&self.normal, &splat(line.from))) / slope;
+        let slope = self.normal.dot(&DVec3x4::splat(line.along));
+        let t = (self.offset - self.normal.dot(&DVec3x4::splat(line.from))) / slope;
         let ahead = t.simd_gt(f64x4::ZERO) & t.simd_le(f64x4::splat(reach.min(f64::MAX)));
         if !ahead.any() {
             return;
@@ -148,11 +135,10 @@ impl Block {
     /// Where the point at `t` lies in the face, or in the rectangle around a polygon.
     #[inline]
     fn contains(&self, line: &Line, t: f64x4, slope: f64x4) -> f64x4 {
-        let (from, along) = (splat(line.from), splat(line.along));
-        let p = [from[0] + along[0] * t, from[1] + along[1] * t, from[2] + along[2] * t];
-        let (a, b) = (dot(&self.a, &p) - self.a0, dot(&self.b, &p) - self.b0);
+        let p = DVec3x4::splat(line.from) + DVec3x4::splat(line.along) * t;
+        let (a, b) = (self.a.dot(&p) - self.a0, self.b.dot(&p) - self.b0);
         let far = self.parallelogram.bitselect(a.fast_max(b), a + b);
-        let overlap = overlaps(doubt(line.from, line.along), self.per_size, slope);
+        let overlap = overlaps(f64x4::splat(doubt(line.from, line.along)), self.per_size, slope);
         a.fast_min(b).simd_ge(-overlap) & far.simd_le(f64x4::ONE + overlap)
     }
 }

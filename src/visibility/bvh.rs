@@ -10,8 +10,9 @@ use wide::f32x8;
 
 use super::beam::{Beam, Boxes, Fan};
 use super::binned::{BinaryNode, BinaryTree, MAX_DEPTH, half_area};
-use super::block::{Block, LANES, Line, NO_FACE};
+use super::block::{Block, Line, NO_FACE};
 use super::{MAX_BUNDLE, Occluder, OpaqueFaces, Shaft};
+use crate::math::lanes::LANES;
 
 const WIDTH: usize = 8;
 /// A child with this bit is a leaf: below [`COUNT_SHIFT`] its first block, above it the number of further blocks.

@@ -3,11 +3,13 @@
 //! Faces block from both sides. Hits within a relative `1e-6` of either end of a segment do not count, so that touching,
 //! coplanar and duplicate faces neither shadow themselves nor each other.
 
+mod bands;
 mod beam;
 mod binned;
 mod block;
 mod brute;
 mod bsp;
+mod bundle;
 mod bvh;
 mod convex;
 mod opaque;
@@ -17,6 +19,7 @@ use glam::DVec3;
 
 pub use brute::Brute;
 pub use bsp::Bsp;
+pub use bundle::Bundle;
 pub use bvh::Bvh;
 pub use convex::nothing_between;
 pub use opaque::OpaqueFaces;

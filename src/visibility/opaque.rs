@@ -3,6 +3,8 @@
 use glam::{DVec2, DVec3};
 use wide::f64x4;
 
+use super::bands::{Bands, Edges};
+use crate::math::lanes::DVec3x4;
 use crate::scene::Scene;
 
 /// Convex faces with more corners than this are cut in triangles too, so that pieces stay small.
@@ -12,7 +14,7 @@ const MAX_CONVEX_CORNERS: usize = 8;
 #[derive(Clone)]
 pub struct OpaqueFaces {
     faces: Vec<Prepared>,
-    corners: Vec<DVec2>,
+    edges: Edges,
     vertices: Vec<DVec3>,
     /// Where each convex piece ends in `piece_vertices`; where each face's pieces end in `piece_ends`.
     piece_ends: Vec<u32>,
@@ -21,29 +23,18 @@ pub struct OpaqueFaces {
 
 #[derive(Clone)]
 struct Prepared {
-    normal: DVec3,
-    offset: f64,
+    parts: Parts,
     low: DVec3,
     high: DVec3,
+    /// The longest side of the box, and one over that.
+    size: f64,
+    per_size: f64,
     axis: u8,
     first: u32,
     count: u32,
+    bands: Bands,
     pieces: (u32, u32),
     width: f64,
-    /// For triangles and parallelograms: `a·p − a0` and `b·p − b0` are the coordinates along the two edges at the first corner.
-    corner: Option<Corner>,
-}
-
-#[derive(Clone, Default)]
-pub(super) struct Corner {
-    pub a: DVec3,
-    pub a0: f64,
-    pub b: DVec3,
-    pub b0: f64,
-    /// Whether the far half belongs to the face too.
-    pub parallelogram: bool,
-    /// One over the lesser height, per metre.
-    pub per_size: f64,
 }
 
 /// What a segment is tested against.
@@ -56,10 +47,23 @@ pub(super) struct Parts {
     pub polygon: bool,
 }
 
+/// A triangle or parallelogram: `a·p − a0` and `b·p − b0` are the coordinates along the two edges at the first corner.
+#[derive(Clone, Default)]
+pub(super) struct Corner {
+    pub a: DVec3,
+    pub a0: f64,
+    pub b: DVec3,
+    pub b0: f64,
+    /// Whether the far half belongs to the face too.
+    pub parallelogram: bool,
+    /// One over the lesser height, per metre.
+    pub per_size: f64,
+}
+
 /// Faces reach this much further than their edges, relative to their size, so that neighbours leave no gap.
 const EDGE_OVERLAP: f64 = 1e-12;
 /// The most that they reach further for a segment that all but lies in their plane.
-const MOST_OVERLAP: f64 = 1e-7;
+pub(super) const MOST_OVERLAP: f64 = 1e-7;
 /// Roundings in where a segment meets a plane, relative to the coordinates.
 const ROUNDING: f64 = 16.0 * f64::EPSILON;
 
@@ -77,10 +81,17 @@ fn overlap(doubt: f64, per_size: f64, slope: f64) -> f64 {
     (EDGE_OVERLAP + doubt * per_size / slope.abs()).min(MOST_OVERLAP)
 }
 
-/// As [`overlap`], for four faces.
+/// As [`doubt`], for four segments.
 #[inline(always)]
-pub(super) fn overlaps(doubt: f64, per_size: f64x4, slope: f64x4) -> f64x4 {
-    let overlap = f64x4::splat(EDGE_OVERLAP) + f64x4::splat(doubt) * per_size / slope.abs();
+pub(super) fn doubts(from: DVec3, along: &DVec3x4) -> f64x4 {
+    let length = along.absolute_sum();
+    f64x4::splat(ROUNDING) * (f64x4::splat(from.abs().element_sum()) + length) * length
+}
+
+/// As [`overlap`], for four faces or segments.
+#[inline(always)]
+pub(super) fn overlaps(doubt: f64x4, per_size: f64x4, slope: f64x4) -> f64x4 {
+    let overlap = f64x4::splat(EDGE_OVERLAP) + doubt * per_size / slope.abs();
     overlap.fast_min(f64x4::splat(MOST_OVERLAP))
 }
 
@@ -152,7 +163,7 @@ impl OpaqueFaces {
     pub fn new(scene: &Scene) -> Self {
         let mut prepared = Self {
             faces: Vec::new(),
-            corners: Vec::new(),
+            edges: Edges::default(),
             vertices: Vec::new(),
             piece_ends: vec![0],
             piece_vertices: Vec::new(),
@@ -173,19 +184,30 @@ impl OpaqueFaces {
             // Hits lie on the plane, which corners may miss by a little: along the dominant axis by at most √3 times the distance.
             let off_plane = face.vertices.iter().map(|v| (v.dot(normal) - offset).abs()).fold(0.0, f64::max);
             let pieces = prepared.add_pieces(&face.vertices, normal, axis);
+            let corner = Corner::new(&face.vertices);
+            let polygon = corner.is_none();
+            let corner = corner.unwrap_or_else(|| Corner::around(&face.vertices, normal));
+            let low = face.vertices.iter().fold(start, |a, v| a.min(*v)) - 2.0 * off_plane;
+            let high = face.vertices.iter().fold(start, |a, v| a.max(*v)) + 2.0 * off_plane;
+            let size = (high - low).max_element();
+            let mut bands = Bands::default();
+            if polygon {
+                let corners: Vec<DVec2> = face.vertices.iter().map(|v| project(*v, axis)).collect();
+                bands = prepared.edges.add(&corners, size * MOST_OVERLAP);
+            }
             prepared.faces.push(Prepared {
-                normal,
-                offset,
-                low: face.vertices.iter().fold(start, |a, v| a.min(*v)) - 2.0 * off_plane,
-                high: face.vertices.iter().fold(start, |a, v| a.max(*v)) + 2.0 * off_plane,
+                parts: Parts { normal, offset, corner, polygon },
+                low,
+                high,
+                size,
+                per_size: 1.0 / size,
                 axis,
-                first: prepared.corners.len() as u32,
+                first: prepared.vertices.len() as u32,
                 count: face.vertices.len() as u32,
+                bands,
                 pieces,
                 width: width(&face.vertices),
-                corner: Corner::new(&face.vertices),
             });
-            prepared.corners.extend(face.vertices.iter().map(|v| project(*v, axis)));
             prepared.vertices.extend_from_slice(&face.vertices);
         }
         prepared
@@ -236,7 +258,7 @@ impl OpaqueFaces {
 
     /// Bytes that they take.
     pub fn bytes(&self) -> usize {
-        let corners = size_of_val(&*self.corners) + size_of_val(&*self.vertices);
+        let corners = size_of_val(&*self.vertices) + self.edges.bytes();
         let pieces = size_of_val(&*self.piece_ends) + size_of_val(&*self.piece_vertices);
         size_of_val(&*self.faces) + corners + pieces
     }
@@ -259,16 +281,14 @@ impl OpaqueFaces {
 
     /// The face's plane: unit normal, 0 for a face that nothing hits, and the offset along it.
     pub(super) fn plane(&self, face: u32) -> (DVec3, f64) {
-        let face = &self.faces[face as usize];
-        (face.normal, face.offset)
+        let parts = self.parts(face);
+        (parts.normal, parts.offset)
     }
 
     /// What segments are tested against.
-    pub(super) fn parts(&self, face: u32) -> Parts {
-        let Prepared { normal, offset, ref corner, .. } = self.faces[face as usize];
-        let polygon = corner.is_none();
-        let around = || Corner::around(self.vertices(face), normal);
-        Parts { normal, offset, corner: corner.clone().unwrap_or_else(around), polygon }
+    #[inline]
+    pub(super) fn parts(&self, face: u32) -> &Parts {
+        &self.faces[face as usize].parts
     }
 
     /// The face's corners.
@@ -281,11 +301,11 @@ impl OpaqueFaces {
     #[inline]
     pub fn hit(&self, face: u32, from: DVec3, along: DVec3) -> Option<f64> {
         let face = &self.faces[face as usize];
-        let slope = face.normal.dot(along);
+        let slope = face.parts.normal.dot(along);
         if slope == 0.0 {
             return None;
         }
-        let t = (face.offset - face.normal.dot(from)) / slope;
+        let t = (face.parts.offset - face.parts.normal.dot(from)) / slope;
         (t.is_finite() && self.contains(face, from, along, t, slope)).then_some(t)
     }
 
@@ -293,9 +313,14 @@ impl OpaqueFaces {
     #[inline]
     pub fn blocks(&self, face: u32, from: DVec3, along: DVec3) -> bool {
         let face = &self.faces[face as usize];
-        let slope = face.normal.dot(along);
-        let t = (face.offset - face.normal.dot(from)) / slope;
-        // Written so that a NaN (segment in the plane) does not block.
+        let slope = face.parts.normal.dot(along);
+        let height = face.parts.offset - face.parts.normal.dot(from);
+        // Most segments end before the plane or lead away from it, which shows without a division.
+        let beyond = if height < 0.0 { slope < height } else { slope > height };
+        if !beyond {
+            return false;
+        }
+        let t = height / slope;
         if !(t > super::END_MARGIN && t < 1.0 - super::END_MARGIN) {
             return false;
         }
@@ -307,48 +332,23 @@ impl OpaqueFaces {
     #[inline]
     fn contains(&self, face: &Prepared, from: DVec3, along: DVec3, t: f64, slope: f64) -> bool {
         let p = from + along * t;
-        match &face.corner {
-            Some(corner) => corner.contains(p, overlap(doubt(from, along), corner.per_size, slope)),
-            None => {
-                let size = (face.high - face.low).max_element();
-                let near = size * overlap(doubt(from, along), 1.0 / size, slope);
-                let (p, low, high) =
-                    (project(p, face.axis), project(face.low, face.axis), project(face.high, face.axis));
-                let is_around = p.cmpge(low - near).all() && p.cmple(high + near).all();
-                is_around && (self.even_odd(face, p) || self.is_on_edge(face, p, near))
-            }
-        }
+        let Parts { corner, polygon, .. } = &face.parts;
+        let doubt = doubt(from, along);
+        corner.contains(p, overlap(doubt, corner.per_size, slope))
+            && (!polygon || self.polygon_contains(face, p, doubt, slope))
     }
 
-    /// Whether a point is this near to an edge.
-    fn is_on_edge(&self, face: &Prepared, p: DVec2, near: f64) -> bool {
-        let corners = &self.corners[face.first as usize..(face.first + face.count) as usize];
-        let ends = corners.iter().zip(corners.iter().cycle().skip(1));
-        ends.into_iter().any(|(a, b)| {
-            if p.y < a.y.min(b.y) - near || p.y > a.y.max(b.y) + near {
-                return false;
-            }
-            let (edge, to) = (*b - *a, p - *a);
-            let (square, off) = (edge.length_squared(), edge.perp_dot(to));
-            off * off <= near * near * square && square > 0.0 && {
-                let (along, slack) = (edge.dot(to), near * square.sqrt());
-                along >= -slack && along <= square + slack
-            }
-        })
+    /// As [`OpaqueFaces::contains`], for a polygon whose rectangle contains the point `p` of the plane.
+    fn polygon_contains(&self, face: &Prepared, p: DVec3, doubt: f64, slope: f64) -> bool {
+        let near = face.size * overlap(doubt, face.per_size, slope);
+        let (p, low, high) =
+            (project(p, face.axis), project(face.low, face.axis), project(face.high, face.axis));
+        let is_around = p.cmpge(low - near).all() && p.cmple(high + near).all();
+        is_around && self.edges.contain(&face.bands, p, near)
     }
 
-    /// Even–odd test. Each edge is evaluated from its lower end, so that two faces that share it agree to the last bit.
-    fn even_odd(&self, face: &Prepared, p: DVec2) -> bool {
-        let corners = &self.corners[face.first as usize..(face.first + face.count) as usize];
-        let mut inside = false;
-        let mut a = corners[corners.len() - 1];
-        for &b in corners {
-            if (a.y > p.y) != (b.y > p.y) {
-                let (low, high) = if a.y < b.y { (a, b) } else { (b, a) };
-                inside ^= (p.x - low.x) * (high.y - low.y) < (p.y - low.y) * (high.x - low.x);
-            }
-            a = b;
-        }
-        inside
+    /// Whether a polygon whose rectangle contains where this segment meets its plane does so too.
+    pub(super) fn is_certain(&self, face: u32, from: DVec3, along: DVec3, t: f64, slope: f64) -> bool {
+        self.polygon_contains(&self.faces[face as usize], from + along * t, doubt(from, along), slope)
     }
 }
