@@ -4,9 +4,10 @@
 //! shaft is the hull itself wherever both sides are flat.
 
 use glam::DVec3;
-use wide::f32x8;
+use wide::{f32x8, f64x4};
 
 use super::beam::Boxes;
+use crate::math::lanes::{DVec3x4, LANES};
 
 /// The most planes a shaft keeps: two per edge of each side and the planes of both sides.
 const MAX_PLANES: usize = 18;
@@ -14,10 +15,17 @@ const MAX_PLANES: usize = 18;
 /// A convex region given by half-spaces `n·x ≤ d`, and its box.
 #[derive(Clone, Debug)]
 pub struct Shaft {
-    planes: [(DVec3, f64); MAX_PLANES],
+    /// Normals and distances, four half-spaces side by side; the last one fills its register.
+    planes: [(DVec3x4, f64x4); MAX_PLANES.div_ceil(LANES)],
     count: usize,
     low: DVec3,
     high: DVec3,
+}
+
+/// The half-spaces found so far.
+struct Planes {
+    planes: [(DVec3, f64); MAX_PLANES],
+    count: usize,
 }
 
 impl Shaft {
@@ -28,75 +36,55 @@ impl Shaft {
         let (low, high) = points().fold((a[0], a[0]), |(l, h), p| (l.min(p), h.max(p)));
         let extent = (high - low).max_element();
         let margin = extent * 1e-9;
-        let mut shaft = Self { planes: [(DVec3::ZERO, 0.0); MAX_PLANES], count: 0, low, high };
+        let mut planes = Planes { planes: [(DVec3::ZERO, 0.0); MAX_PLANES], count: 0 };
         for (side, normal) in [(a, a_normal), (b, b_normal)] {
             if let Some(normal) = normal {
-                shaft.push(-normal, -normal.dot(side[0]) - margin);
+                planes.push(-normal, -normal.dot(side[0]) - margin);
             }
         }
+        let lanes = [a, b].map(DVec3x4::new);
         for (side, other) in [(a, b), (b, a)] {
             for i in 0..side.len() {
                 let (p, q) = (side[i], side[(i + 1) % side.len()]);
-                for turn in [1.0, -1.0] {
-                    shaft.push_support(side, p, q, other, turn, extent);
-                }
+                planes.push_supports(p, q - p, other, &lanes, extent);
             }
+        }
+        let mut shaft = Self { planes: Default::default(), count: planes.count, low, high };
+        for (lanes, planes) in shaft.planes.iter_mut().zip(planes.planes().chunks(LANES)) {
+            let lane = |i: usize| planes[i.min(planes.len() - 1)];
+            let four: [(DVec3, f64); LANES] = std::array::from_fn(lane);
+            *lanes = (DVec3x4::new(&four.map(|(n, _)| n)), f64x4::from(four.map(|(_, d)| d)));
         }
         shaft
     }
 
-    /// Adds the plane through the edge from `p` to `q` of `side` that touches `other` from the left (`turn` = 1) or the right (−1), where it has
-    /// all of `side` on the same side: then it is a face of the hull.
-    fn push_support(&mut self, side: &[DVec3], p: DVec3, q: DVec3, other: &[DVec3], turn: f64, extent: f64) {
-        let (edge, margin) = ((q - p) * turn, extent * 1e-9);
-        let mut normal = DVec3::ZERO;
-        let mut length = 0.0;
-        for r in other {
-            // Gift wrapping: swing the plane out to each corner that lies beyond it.
-            if length == 0.0 || normal.dot(*r - p) > margin * length {
-                let swung = edge.cross(*r - p);
-                let size = swung.length();
-                if size > extent * extent * 1e-12 {
-                    (normal, length) = (swung, size);
-                }
-            }
-        }
-        if length == 0.0 {
-            return;
-        }
-        let normal = normal / length;
-        let d = normal.dot(p);
-        if side.iter().chain(other).all(|x| normal.dot(*x) - d <= margin) {
-            self.push(normal, d - margin);
-        }
-    }
-
-    fn push(&mut self, normal: DVec3, d: f64) {
-        let known = self.planes().iter().any(|(n, _)| n.dot(normal) > 1.0 - 1e-12);
-        if !known && self.count < MAX_PLANES {
-            self.planes[self.count] = (normal, d);
-            self.count += 1;
-        }
-    }
-
-    fn planes(&self) -> &[(DVec3, f64)] {
-        &self.planes[..self.count]
+    fn planes(&self) -> impl Iterator<Item = (DVec3, f64)> {
+        (0..self.count).map(|i| {
+            let (DVec3x4(n), d) = &self.planes[i / LANES];
+            let lane = |lanes: &f64x4| lanes.to_array()[i % LANES];
+            (DVec3::new(lane(&n[0]), lane(&n[1]), lane(&n[2])), lane(d))
+        })
     }
 
     /// Whether a convex or concave polygon may reach into the shaft; `false` is certain. One that only touches it does not reach in.
     pub fn may_hold(&self, polygon: &[DVec3]) -> bool {
-        self.planes().iter().all(|(n, d)| polygon.iter().any(|v| n.dot(*v) < *d))
-            && (0..3).all(|axis| {
-                polygon.iter().any(|v| v[axis] <= self.high[axis])
-                    && polygon.iter().any(|v| v[axis] >= self.low[axis])
+        self.planes[..self.count.div_ceil(LANES)].iter().all(|(n, d)| {
+            let mut reached = f64x4::ZERO;
+            polygon.iter().any(|v| {
+                reached |= n.dot(&DVec3x4::splat(*v)).simd_lt(*d);
+                reached.all()
             })
+        }) && (0..3).all(|axis| {
+            polygon.iter().any(|v| v[axis] <= self.high[axis])
+                && polygon.iter().any(|v| v[axis] >= self.low[axis])
+        })
     }
 
     /// The shaft's sides in single precision, for boxes told from `centre` whose greatest coordinate is `extent`.
     pub(super) fn told_from(&self, centre: DVec3, extent: f64) -> Sides {
         let margin = |d: f64| (d.abs() + 2.0 * extent) * ROUNDING;
         let mut planes = [([0; 3], [0.0; 3], 0.0); MAX_PLANES];
-        for (i, (n, d)) in self.planes().iter().enumerate() {
+        for (i, (n, d)) in self.planes().enumerate() {
             let d = d - n.dot(centre);
             let nearest = std::array::from_fn(|axis| axis + if n[axis] >= 0.0 { 0 } else { 3 });
             planes[i] = (nearest, n.to_array().map(|c| c as f32), (d + margin(d)) as f32);
@@ -115,10 +103,55 @@ impl Shaft {
         if low.cmpgt(self.high).any() || high.cmplt(self.low).any() {
             return false;
         }
-        self.planes().iter().all(|(n, d)| {
+        self.planes().all(|(n, d)| {
             let nearest = DVec3::select(n.cmpge(DVec3::ZERO), low, high);
-            n.dot(nearest) < *d
+            n.dot(nearest) < d
         })
+    }
+}
+
+impl Planes {
+    /// Adds the planes through the edge of a side that starts at `p` which touch the `other` side from the left and from the right, where they
+    /// have all corners of `both` sides on the same side: then they are faces of the hull.
+    fn push_supports(&mut self, p: DVec3, edge: DVec3, other: &[DVec3], both: &[DVec3x4; 2], extent: f64) {
+        let margin = extent * 1e-9;
+        let mut swung = [(DVec3::ZERO, 0.0); LANES];
+        for (swung, r) in swung.iter_mut().zip(other) {
+            let normal = edge.cross(*r - p);
+            *swung = (normal, normal.length());
+        }
+        for turn in [1.0, -1.0] {
+            let (mut normal, mut length) = (DVec3::ZERO, 0.0);
+            for ((swung, size), r) in swung.iter().zip(other) {
+                // Gift wrapping: swing the plane out to each corner that lies beyond it.
+                if (length == 0.0 || normal.dot(*r - p) > margin * length) && *size > extent * extent * 1e-12
+                {
+                    (normal, length) = (*swung * turn, *size);
+                }
+            }
+            if length == 0.0 {
+                continue;
+            }
+            let normal = normal / length;
+            let d = normal.dot(p);
+            let (lanes, distance) = (DVec3x4::splat(normal), f64x4::splat(d));
+            let inside = |corners: &DVec3x4| (lanes.dot(corners) - distance).simd_le(f64x4::splat(margin));
+            if (inside(&both[0]) & inside(&both[1])).all() {
+                self.push(normal, d - margin);
+            }
+        }
+    }
+
+    fn push(&mut self, normal: DVec3, d: f64) {
+        let known = self.planes().iter().any(|(n, _)| n.dot(normal) > 1.0 - 1e-12);
+        if !known && self.count < MAX_PLANES {
+            self.planes[self.count] = (normal, d);
+            self.count += 1;
+        }
+    }
+
+    fn planes(&self) -> &[(DVec3, f64)] {
+        &self.planes[..self.count]
     }
 }
 
