@@ -5,8 +5,9 @@
 //! integral taken here and in Lambert's formula.
 
 use glam::DVec2;
+use wide::f64x4;
 
-use super::basis::{Basis, MAX_FUNCTIONS};
+use super::basis::{Basis, MAX_FUNCTIONS, legendre};
 use super::cell::Cell;
 use super::quadrature::gauss;
 
@@ -79,9 +80,11 @@ pub fn nearest_on_boundary(polygon: &[DVec2], point: DVec2, metric: impl Fn(DVec
 /// By Green's theorem on the triangles spanned by the first corner and each edge, each integrated exactly by a collapsed Gauss rule: functions
 /// of `k` by `k` reach degree `2k − 2`, with the Jacobian `2k − 1`.
 pub fn moments(polygon: &[DVec2], basis: Basis) -> [f64; MAX_FUNCTIONS] {
-    let (nodes, weights) = gauss(basis.order());
+    let k = basis.order();
+    let (nodes, weights) = gauss(k);
     let anchor = polygon.first().copied().unwrap_or_default();
-    let mut sums = [0.0; MAX_FUNCTIONS];
+    // Of the functions that have the same factor in x, those of each factor in y side by side.
+    let mut sums = [f64x4::ZERO; 3];
     for (a, b) in edges(polygon) {
         let jacobian = (a - anchor).perp_dot(b - anchor);
         if jacobian == 0.0 {
@@ -91,15 +94,19 @@ pub fn moments(polygon: &[DVec2], basis: Basis) -> [f64; MAX_FUNCTIONS] {
             for (t, wt) in nodes.iter().zip(weights) {
                 // Collapsed square: the point anchor + s((1 − t)a + t b), Jacobian s.
                 let point = anchor + *s * (a - anchor + *t * (b - a));
-                let values = basis.evaluate(point);
-                let weight = jacobian * s * ws * wt;
-                for (sum, value) in sums[..basis.len()].iter_mut().zip(values) {
-                    *sum += weight * value;
+                let (x, y) = (legendre(point.x), f64x4::from(legendre(point.y)));
+                let weight = f64x4::splat(jacobian * s * ws * wt);
+                for (sum, x) in sums[..k].iter_mut().zip(x) {
+                    *sum += weight * (f64x4::splat(x) * y);
                 }
             }
         }
     }
-    sums
+    let mut moments = [0.0; MAX_FUNCTIONS];
+    for i in 0..k {
+        moments[i * k..][..k].copy_from_slice(&sums[i].to_array()[..k]);
+    }
+    moments
 }
 
 #[cfg(test)]
