@@ -6,12 +6,18 @@
 use std::f64::consts::PI;
 
 use glam::DVec3;
+use wide::f64x4;
+
+use crate::math::lanes::{DVec3x4, LANES};
 
 /// The unoccluded form factor from point `x` with unit normal `n` to `polygon`, counter-clockwise seen from its front; 0 when x lies behind
 /// the polygon. Concave polygons and bridge edges are fine: the sum is a contour integral.
 pub fn form_factor(x: DVec3, n: DVec3, polygon: impl Iterator<Item = DVec3> + Clone) -> f64 {
-    let mut contour = Contour { n, first: None, last: DVec3::ZERO, sum: 0.0 };
     let corners = polygon.map(|p| p - x);
+    if let Some(sum) = quadrilateral_above(n, corners.clone()) {
+        return share(sum);
+    }
+    let mut contour = Contour::new(n);
     let mut previous: Option<(DVec3, f64)> = None;
     let close = corners.clone().next();
     for v in corners.chain(close) {
@@ -26,18 +32,48 @@ pub fn form_factor(x: DVec3, n: DVec3, polygon: impl Iterator<Item = DVec3> + Cl
         }
         previous = Some((v, height));
     }
-    // Seen from its front, a counter-clockwise polygon runs clockwise around the upward normal of x.
-    (-contour.close() / (2.0 * PI)).clamp(0.0, 1.0)
+    share(contour.close())
 }
 
+/// Seen from its front, a counter-clockwise polygon runs clockwise around the upward normal of x.
+fn share(sum: f64) -> f64 {
+    (-sum / (2.0 * PI)).clamp(0.0, 1.0)
+}
+
+/// The sum over the edges of a polygon of four corners above the horizon, which most are; `None` for others.
+fn quadrilateral_above(n: DVec3, mut corners: impl Iterator<Item = DVec3>) -> Option<f64> {
+    let [p, q, r, s] = [corners.next()?, corners.next()?, corners.next()?, corners.next()?];
+    let ends = DVec3x4::new(&[p, q, r, s]);
+    let is_above = DVec3x4::splat(n).dot(&ends).simd_ge(f64x4::ZERO).all();
+    (is_above && corners.next().is_none()).then(|| terms(n, &ends, &DVec3x4::new(&[q, r, s, p])).iter().sum())
+}
+
+/// The terms of four edges; 0 for those that have no angle.
+#[inline]
+fn terms(n: DVec3, a: &DVec3x4, b: &DVec3x4) -> [f64; LANES] {
+    let cross = a.cross(b);
+    let length = cross.length_squared().sqrt();
+    let angle = length.atan2(a.dot(b));
+    ((angle * DVec3x4::splat(n).dot(&cross) / length) & length.simd_gt(f64x4::ZERO)).to_array()
+}
+
+/// The sum over a contour's edges, found for four edges side by side.
 struct Contour {
     n: DVec3,
     first: Option<DVec3>,
     last: DVec3,
+    /// Ends of the edges that are still to be added.
+    edges: [[DVec3; LANES]; 2],
+    count: usize,
     sum: f64,
 }
 
 impl Contour {
+    fn new(n: DVec3) -> Self {
+        Self { n, first: None, last: DVec3::ZERO, edges: [[DVec3::ZERO; LANES]; 2], count: 0, sum: 0.0 }
+    }
+
+    #[inline]
     fn push(&mut self, v: DVec3) {
         if self.first.is_none() {
             self.first = Some(v);
@@ -49,16 +85,26 @@ impl Contour {
 
     #[inline]
     fn edge(&mut self, a: DVec3, b: DVec3) {
-        let cross = a.cross(b);
-        let length = cross.length();
-        if length > 0.0 {
-            self.sum += length.atan2(a.dot(b)) * self.n.dot(cross) / length;
+        (self.edges[0][self.count], self.edges[1][self.count]) = (a, b);
+        self.count += 1;
+        if self.count == LANES {
+            self.add();
         }
     }
 
-    fn close(mut self) -> f64 {
+    /// Adds the edges that are there.
+    fn add(&mut self) {
+        let (a, b) = (DVec3x4::new(&self.edges[0]), DVec3x4::new(&self.edges[1]));
+        self.sum += terms(self.n, &a, &b)[..self.count].iter().sum::<f64>();
+        self.count = 0;
+    }
+
+    fn close(&mut self) -> f64 {
         if let Some(first) = self.first {
             self.edge(self.last, first);
+        }
+        if self.count > 0 {
+            self.add();
         }
         self.sum
     }
