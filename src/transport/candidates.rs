@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::pair::Scratch;
-use crate::visibility::{Occluder, OpaqueFaces, Shaft};
+use crate::visibility::{Bundle, Occluder, OpaqueFaces, Shaft};
 
 /// Which faces may stand between a bundle and a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -63,4 +63,75 @@ pub fn narrow(
 /// point of one, the other projects onto the face's plane within the hull of its corners' projections.
 fn hides(faces: &OpaqueFaces, face: u32, a: &[DVec3], b: &[DVec3]) -> bool {
     faces.piece_count(face) == 1 && a.iter().all(|p| b.iter().all(|q| faces.blocks(face, *p, *q - *p)))
+}
+
+/// Whether no face of a list blocks the segment from `from` to `to`; the first one that does moves to the front, where the next segment
+/// finds it first.
+pub fn is_open(faces: &OpaqueFaces, list: &mut [u32], from: DVec3, to: DVec3) -> bool {
+    let Some(found) = list.iter().position(|face| faces.blocks(*face, from, to - from)) else { return true };
+    list.swap(0, found);
+    false
+}
+
+/// The same for several segments from one point, which take turns: those that no face blocks, as a bit mask.
+pub fn open_ones(faces: &OpaqueFaces, list: &mut [u32], bundle: &Bundle) -> u32 {
+    let mut blocked = [0; LIST_LIMIT];
+    let mut open = bundle.all();
+    let mut asked = 0;
+    while open != 0 && asked < list.len() {
+        blocked[asked] = faces.blocked_by(list[asked], bundle);
+        open &= !blocked[asked];
+        asked += 1;
+    }
+    let mut rest = bundle.all() & !open;
+    while rest != 0 {
+        let segment = rest & rest.wrapping_neg();
+        rest &= rest - 1;
+        if let Some(first) = blocked[..asked].iter().position(|by| by & segment != 0) {
+            blocked.swap(0, first);
+            list.swap(0, first);
+        }
+    }
+    open
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::lanes::{DVec3x4, LANES};
+    use crate::scene::{Face, Material, Scene, Sides};
+    use proptest::prelude::*;
+
+    proptest! {
+        /// The list ends in the same order too, which later answers rest on.
+        #[test]
+        fn segments_together_are_as_one_after_the_other(
+            triangles in proptest::collection::vec(proptest::array::uniform9(-1.0..1.0f64), 1..LIST_LIMIT),
+            from in proptest::array::uniform3(-1.5..1.5f64),
+            ends in proptest::collection::vec(proptest::array::uniform3(-1.5..1.5f64), 1..=9),
+        ) {
+            let face = |t: &[f64; 9]| Face {
+                vertices: t.chunks(3).map(DVec3::from_slice).collect(),
+                material: 0,
+                sides: Sides::Two,
+            };
+            let grey = Material { reflectance: vec![0.5], exitance_w_m2: vec![0.0] };
+            let faces = OpaqueFaces::new(&Scene {
+                faces: triangles.iter().map(face).collect(),
+                materials: vec![grey],
+                bands: vec!["grey".into()],
+                ..Scene::default()
+            });
+            let from = DVec3::from_array(from);
+            let ends: Vec<DVec3> = ends.into_iter().map(DVec3::from_array).collect();
+            let lanes: Vec<DVec3x4> = ends.chunks(LANES).map(DVec3x4::new).collect();
+            let mut one_by_one: Vec<u32> = (0..triangles.len() as u32).collect();
+            let mut together = one_by_one.clone();
+            let open = open_ones(&faces, &mut together, &Bundle::new(from, &lanes, ends.len()));
+            for (i, to) in ends.iter().enumerate() {
+                prop_assert_eq!(is_open(&faces, &mut one_by_one, from, *to), open >> i & 1 != 0);
+            }
+            prop_assert_eq!(together, one_by_one);
+        }
+    }
 }

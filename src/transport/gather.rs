@@ -7,36 +7,26 @@
 //!   singularity subtraction `∫ Kφ = φ(y*) F + ∫ K (φ − φ(y*))` where the radiosity varies (numerics §4);
 //! * its **visibility** must be certain (no candidate in the shaft), unanimous among rays, or of no consequence. Where few blockers leave a
 //!   part of the cell visible, the fragments they leave are integrated; else the cell is divided.
+//!
+//! Points are judged ([`super::judge`]) and lit ([`super::light`]) four side by side; rays go point by point.
 
 use glam::DVec3;
 
-use super::candidates::{Candidates, narrow};
+use super::candidates::{Candidates, is_open, narrow, open_ones};
+use super::judge::{GROUPS, How, Judge};
 use super::light::Ready;
 use super::nodes::Nodes;
 use super::packet::{Detail, EmitterCell, Packet, cell_corners};
 use super::pair::Scratch;
 use super::recording::Unit;
 use super::samples::MAX_SAMPLES;
-use super::view::{Geometry, View};
+use super::view::Geometry;
 use crate::math::basis::MAX_FUNCTIONS;
-use crate::visibility::{Occluder, Shaft};
-
-/// Relative error of n × n Gauss quadrature over a cell of size s seen from distance d: `ERROR[n] (s/d)^(2n)`; fitted to the table
-/// of numerics §2, doubled for oblique pairs.
-const QUADRATURE_ERROR: [f64; 4] = [1.0, 5.0, 1.5, 0.5];
-
-/// Error of the singularity-subtracted rule per unit of radiosity variation and form factor (measured: numerics §4).
-const SUBTRACTION_ERROR: f64 = 0.02;
-
-/// Share of a cell's light that n × n rays may misjudge when they disagree, and when they agree.
-const MIXED_ERROR: [f64; 4] = [1.0, 0.5, 0.2, 0.1];
-const UNANIMOUS_ERROR: [f64; 4] = [1.0, 0.3, 0.06, 0.02];
+use crate::math::lanes::{DVec3x4, LANES};
+use crate::visibility::{Bundle, Occluder, Shaft};
 
 /// Blockers times points from which on a shaft costs less than the ray tests it may save (measured).
 const WORTH_A_SHAFT: usize = 32;
-
-/// Error of the light of visible fragments per unit of radiosity variation and form factor, far from the cell and near it.
-const FRAGMENT_ERROR: [f64; 2] = [0.03, 0.1];
 
 /// The most convex blockers whose projections are followed exactly.
 const EXACT_PIECES: usize = 40;
@@ -81,33 +71,19 @@ pub struct Gather<'a, const N: usize> {
     pub uncertain: &'a mut [f64],
     /// Working memory and counts.
     pub scratch: &'a mut Scratch,
+    /// The points, four side by side.
+    pub(super) lanes: [DVec3x4; GROUPS],
     centre: DVec3,
     radius: f64,
 }
 
-/// How a cell's light is taken.
-pub(super) struct How {
-    /// Gauss nodes per dimension of the quadrature.
-    pub nodes: usize,
-    pub closed_form: bool,
-    pub constant: bool,
-    /// Size of the cell over its distance.
-    pub nearest: f64,
-    /// Rays per dimension to judge visibility by; none where it is certain.
-    rays: usize,
-    partial: Partial,
-    /// Whether even a unanimous vote of the rays leaves too much in doubt.
-    doubt: bool,
-}
-
-/// What to do for points that see a cell in part.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Partial {
-    /// Believe the rays.
-    Rays,
-    /// Compute the visible part exactly.
-    Exact,
-    /// Divide the cell for them.
+/// What a point sees of a cell.
+enum Sight<const N: usize> {
+    /// These of the nodes it was looked at by, a bit mask.
+    Nodes(u32),
+    /// The part that sends this light, told exactly.
+    Exact([f64; N]),
+    /// The cell must be divided to tell.
     Divide,
 }
 
@@ -123,7 +99,11 @@ impl<'a, const N: usize> Gather<'a, N> {
     ) -> Self {
         let centre = points.hull.iter().sum::<DVec3>() / points.hull.len() as f64;
         let radius = points.hull.iter().map(|p| p.distance(centre)).fold(0.0, f64::max);
-        Self { packet, points, occluder, irradiance, uncertain, scratch, centre, radius }
+        let mut lanes = [DVec3x4::default(); GROUPS];
+        for (lanes, points) in lanes.iter_mut().zip(points.position.chunks(LANES)) {
+            *lanes = DVec3x4::new(points);
+        }
+        Self { packet, points, occluder, irradiance, uncertain, scratch, lanes, centre, radius }
     }
 
     /// Gathers the whole packet.
@@ -142,84 +122,56 @@ impl<'a, const N: usize> Gather<'a, N> {
         if geometry.faces_away(self.points.normal, self.centre, self.radius) {
             return;
         }
-        let strength = strength(&emitter.coefficients);
-        let traceable = self.is_traceable(candidates);
+        let how = self.judge(emitter, &geometry, active, candidates, tolerance);
         let ready = Ready::default();
-        let mut divided = 0;
-        for p in points_of(active) {
-            let x = self.points.position[p];
-            let Some(view) = geometry.view(self.points.normal, x) else { continue };
-            match self.judge(emitter, strength, traceable, &view, candidates, tolerance) {
-                Some(how) if self.take(p, emitter, &ready, candidates, &how) => {}
-                _ => divided |= 1 << p,
+        let mut divided = how.divided;
+        // What is recorded, and what rays must tell first, goes point by point; the rest side by side.
+        let recorded = self.recorded(emitter);
+        let alone = if candidates == Candidates::Free { how.taken() & recorded } else { how.taken() };
+        let (mut whole, mut visible) = (how.taken() & !alone, [0; MAX_SAMPLES]);
+        for p in points_of(alone) {
+            match self.sight(p, emitter, &ready, candidates, &how) {
+                Sight::Nodes(nodes) if recorded & 1 << p != 0 => {
+                    self.take_recorded(p, emitter, &ready, &how, nodes);
+                }
+                Sight::Nodes(nodes) => (whole, visible[p]) = (whole | 1 << p, nodes),
+                Sight::Exact(light) => self.add(p, emitter, &light, [1.0; N], &how),
+                Sight::Divide => divided |= 1 << p,
             }
         }
+        self.take(whole, emitter, &ready, &how, &visible);
         if divided != 0 {
             self.divide(emitter, divided, candidates, tolerance);
         }
     }
 
-    /// How a point with this view takes the light of a cell with this mean and variation; `None` where it must be divided. Where a shadow
-    /// crosses it, its blockers may be `traceable`.
+    /// How those of the `active` points that light from the cell can reach take it.
     fn judge(
         &self,
         emitter: &EmitterCell<N>,
-        (mean, variation): (f64, f64),
-        traceable: bool,
-        view: &View,
+        geometry: &Geometry,
+        active: u32,
         candidates: Candidates,
         tolerance: Tolerance,
-    ) -> Option<How> {
-        let order = self.packet.basis.order();
-        let detail = emitter.node.map_or(Detail::default(), |n| self.packet.nodes[n as usize].detail);
-        let estimate = (mean + variation) * view.form_factor;
-        let variation = variation * view.form_factor;
-        let allowed = (tolerance.relative * estimate).max(tolerance.absolute_w_m2);
-        if detail.seen_w_m2(view.nearest, order) * view.form_factor > 0.5 * allowed {
-            return None;
-        }
-        let constant = variation <= 0.1 * allowed;
-        let smooth = (if constant { 1 } else { order.max(2) }..=3)
-            .find(|n| QUADRATURE_ERROR[*n] * view.ratio.powi(2 * *n as i32) * estimate <= 0.5 * allowed);
-        let splittable = emitter.virtual_depth < MAX_VIRTUAL_DEPTH;
-        if smooth.is_none() && !constant && splittable && SUBTRACTION_ERROR * variation > 0.5 * allowed {
-            return None;
-        }
-        let nodes = smooth.unwrap_or(if constant { 1 } else { 3 });
-        let how = How {
-            nodes,
-            closed_form: smooth.is_none(),
-            constant,
-            nearest: view.nearest,
-            rays: 0,
-            partial: Partial::Rays,
-            doubt: false,
+    ) -> How {
+        let judge = Judge {
+            strength: strength(&emitter.coefficients),
+            detail: emitter.node.map_or(Detail::default(), |n| self.packet.nodes[n as usize].detail),
+            order: self.packet.basis.order(),
+            tolerance,
+            splittable: emitter.virtual_depth < MAX_VIRTUAL_DEPTH,
+            shaded: candidates != Candidates::Free,
+            traceable: self.is_traceable(candidates),
         };
-        if candidates == Candidates::Free {
-            return Some(how);
+        let mut how = How::default();
+        for (group, lanes) in self.lanes.iter().enumerate() {
+            let of_group = active & 0b1111 << (LANES * group);
+            if of_group != 0 {
+                let views = geometry.views(self.points.normal, lanes);
+                judge.judge(group, &views, of_group & views.seen << (LANES * group), &mut how);
+            }
         }
-        // Where a shadow's edge crosses the cell, its detail does not fade: it may well have that edge too, and then all such cells
-        // err to the same side.
-        let edged = detail.rms_w_m2 * view.form_factor > 0.05 * tolerance.absolute_w_m2;
-        // Enough rays that a unanimous vote is safe to believe.
-        let enough =
-            (1 + edged as usize..=3).find(|n| UNANIMOUS_ERROR[*n] * estimate <= tolerance.absolute_w_m2);
-        let rays = enough.unwrap_or(3);
-        let partial = if edged {
-            Partial::Divide
-        } else if MIXED_ERROR[rays] * estimate <= tolerance.absolute_w_m2 {
-            Partial::Rays
-        } else if traceable
-            && (FRAGMENT_ERROR[how.closed_form as usize] * variation <= tolerance.absolute_w_m2
-                || !splittable)
-        {
-            Partial::Exact
-        } else if splittable {
-            Partial::Divide
-        } else {
-            Partial::Rays
-        };
-        Some(How { rays, partial, doubt: enough.is_none(), ..how })
+        how
     }
 
     /// Whether the candidates are few enough to follow what each of them leaves visible.
@@ -230,67 +182,51 @@ impl<'a, const N: usize> Gather<'a, N> {
         list.iter().map(|f| faces.piece_count(*f)).sum::<usize>() <= EXACT_PIECES
     }
 
-    /// Adds the cell's light to point `p`; `false` where the cell must be divided for it after all.
-    fn take(
+    /// What point `p` sees of the cell.
+    fn sight(
         &mut self,
         p: usize,
         emitter: &EmitterCell<N>,
         ready: &Ready<N>,
         candidates: Candidates,
         how: &How,
-    ) -> bool {
-        if how.rays == 0 {
-            let light = self.whole_light(p, emitter, ready, how);
-            self.add(p, emitter, &light, None, how);
-            return true;
+    ) -> Sight<N> {
+        let rays = how.rays_of(p);
+        if rays == 0 {
+            return Sight::Nodes(0);
         }
-        let targets = ready.nodes.get(self.packet, emitter, how.rays);
-        let all = (1u32 << targets.count) - 1;
-        let visible = self.trace(p, targets, candidates);
-        let unanimous = visible == 0 || visible == all;
-        let open = !unanimous || how.doubt;
-        if how.partial == Partial::Divide && open {
-            return false;
+        let targets = ready.nodes.get(self.packet, emitter, rays);
+        let visible = self.trace(p, targets, ready, candidates);
+        let unanimous = visible == 0 || visible == targets.all();
+        let open = !unanimous || how.doubt & 1 << p != 0;
+        if open && how.split & 1 << p != 0 {
+            return Sight::Divide;
         }
-        if how.partial == Partial::Exact && open {
-            let Some((light, whole)) = self.visible_light(p, emitter, candidates, how.constant) else {
-                return false;
-            };
-            self.add(p, emitter, &light, None, how);
-            self.uncertain[p] += whole * norm(&emitter.coefficients[0]);
-            return true;
+        if open && how.exact & 1 << p != 0 {
+            let constant = how.constant & 1 << p != 0;
+            let seen = self.visible_light(p, emitter, candidates, constant);
+            return seen.map_or(Sight::Divide, |(light, whole)| {
+                self.uncertain[p] += whole * norm(&emitter.coefficients[0]);
+                Sight::Exact(light)
+            });
         }
-        let light = self.whole_light(p, emitter, ready, how);
-        self.uncertain[p] += norm(&light);
-        if visible == all {
-            self.add(p, emitter, &light, None, how);
-        } else if visible != 0 {
-            let share = self.visible_share(self.points.position[p], targets, visible);
-            self.add(p, emitter, &light, Some(share), how);
-        }
-        true
+        Sight::Nodes(visible)
     }
 
     /// Which of the nodes point `p` sees, as a bit mask.
-    fn trace(&mut self, p: usize, nodes: &Nodes<N>, candidates: Candidates) -> u32 {
+    fn trace(&mut self, p: usize, nodes: &Nodes<N>, ready: &Ready<N>, candidates: Candidates) -> u32 {
         let (from, targets) = (self.points.eye[p], &nodes.eye[..nodes.count]);
-        let all = (1 << nodes.count) - 1;
+        let all = nodes.all();
         self.scratch.work.visibility_rays += nodes.count as u64;
         match candidates {
             Candidates::Free => all,
             Candidates::Hidden => 0,
             Candidates::List(start, end) => {
-                let faces = self.occluder.faces();
-                let list = &mut self.scratch.candidates[start..end];
-                let mut visible = 0;
-                for (q, to) in targets.iter().enumerate() {
-                    match list.iter().position(|f| faces.blocks(*f, from, to - from)) {
-                        // The last blocker comes first next time.
-                        Some(found) => list.swap(0, found),
-                        None => visible |= 1 << q,
-                    }
+                let (faces, list) = (self.occluder.faces(), &mut self.scratch.candidates[start..end]);
+                if let [to] = targets {
+                    return is_open(faces, list, from, *to).into();
                 }
-                visible
+                open_ones(faces, list, &Bundle::new(from, ready.eyes(nodes), nodes.count))
             }
             Candidates::Scene => {
                 let skip = [self.points.face, self.packet.face];
@@ -356,6 +292,11 @@ pub fn norm<const N: usize>(values: &[f64; N]) -> f64 {
     values.iter().map(|v| v * v).sum::<f64>().sqrt()
 }
 
-fn points_of(mask: u32) -> impl Iterator<Item = usize> {
-    (0..MAX_SAMPLES).filter(move |p| mask & (1 << p) != 0)
+/// The numbers of the bits of a mask.
+pub(super) fn points_of(mut mask: u32) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let point = (mask != 0).then_some(mask.trailing_zeros() as usize);
+        mask &= mask.wrapping_sub(1);
+        point
+    })
 }

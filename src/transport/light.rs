@@ -1,48 +1,110 @@
 //! The light of one emitter cell on one point, once it is judged how to take it ([`super::gather`]): by quadrature, by Lambert's closed form, or
 //! from the fragments that blockers leave visible.
-//!
-//! Where links are recorded it is found as a row: what each function of the packet's node that holds the cell brings for a coefficient of 1.
-//! The light is then the row times the node's coefficients, and the row holds for other coefficients too.
 
 use std::cell::OnceCell;
 
 use glam::{DVec2, DVec3};
+use wide::f64x4;
 
 use super::candidates::Candidates;
-use super::gather::{Gather, How};
-use super::kernel::kernel;
+use super::gather::{Gather, norm, points_of};
+use super::judge::{GROUPS, How};
+use super::kernel::{kernel, kernels};
 use super::lambert::form_factor;
-use super::nodes::{CellNodes, Nodes, value_at};
+use super::nodes::{CellNodes, NODE_LANES, Nodes, value_at};
 use super::packet::{EmitterCell, Packet};
-use super::recording::{Row, Unit};
+use super::samples::MAX_SAMPLES;
 use super::unblocked::visible_fragments;
 use crate::math::basis::MAX_FUNCTIONS;
+use crate::math::lanes::{DVec3x4, LANES};
 
 /// Quadrature on a cell, made once for all points that take it.
 #[derive(Default)]
 pub(super) struct Ready<const N: usize> {
     pub nodes: CellNodes<N>,
     /// The same where the cell sends the functions of its node.
-    unit: [OnceCell<Box<Nodes<MAX_FUNCTIONS>>>; 3],
+    pub unit: [OnceCell<Box<Nodes<MAX_FUNCTIONS>>>; 3],
+    /// Where visibility is taken from, side by side.
+    eyes: [OnceCell<[DVec3x4; NODE_LANES]>; 3],
+}
+
+impl<const N: usize> Ready<N> {
+    /// Where visibility is taken from for these nodes of the cell, side by side.
+    pub fn eyes(&self, nodes: &Nodes<N>) -> &[DVec3x4; NODE_LANES] {
+        self.eyes[nodes.count.isqrt() - 1].get_or_init(|| nodes.eyes())
+    }
 }
 
 impl<const N: usize> Gather<'_, N> {
-    /// The light of a whole cell on point `p`, per band in W/m².
-    pub(super) fn whole_light(
+    /// Takes the light of a whole cell to these points, none of which is recorded; those that cast rays see these of its nodes.
+    pub(super) fn take(
+        &mut self,
+        points: u32,
+        emitter: &EmitterCell<N>,
+        ready: &Ready<N>,
+        how: &How,
+        visible: &[u32; MAX_SAMPLES],
+    ) {
+        for n in 1..=3 {
+            let points = points & how.nodes[n - 1];
+            for p in points_of(points & how.closed_form) {
+                let nodes = || ready.nodes.get(self.packet, emitter, n);
+                let light = self.near(self.points.position[p], emitter, nodes, how.constant & 1 << p != 0);
+                let share = self.share_seen(p, emitter, ready, how, norm(&light), visible[p]);
+                self.brighten(p, &light, &share);
+            }
+            let far = points & !how.closed_form;
+            if far == 0 {
+                continue;
+            }
+            let nodes = ready.nodes.get(self.packet, emitter, n);
+            self.scratch.work.kernel_evaluations += nodes.count as u64 * u64::from(far.count_ones());
+            for group in 0..GROUPS {
+                let of_group = far & 0b1111 << (LANES * group);
+                if of_group == 0 {
+                    continue;
+                }
+                let light = self.far_side_by_side(group, nodes);
+                let square = light.iter().fold(f64x4::ZERO, |sum, light| sum + *light * *light);
+                let (light, norms) = (light.map(f64x4::to_array), square.sqrt().to_array());
+                for p in points_of(of_group) {
+                    let share = self.share_seen(p, emitter, ready, how, norms[p % LANES], visible[p]);
+                    self.brighten(p, &light.map(|lanes| lanes[p % LANES]), &share);
+                }
+            }
+        }
+    }
+
+    /// The share per band of a whole cell's light that point `p` sees; where rays tell, the light is uncertain.
+    pub(super) fn share_seen(
         &mut self,
         p: usize,
         emitter: &EmitterCell<N>,
         ready: &Ready<N>,
         how: &How,
+        light_w_m2: f64,
+        visible: u32,
     ) -> [f64; N] {
-        let x = self.points.position[p];
-        if let Some(unit) = self.unit(p, emitter) {
-            let (frame, basis) = (&self.packet.frame, self.packet.basis);
-            let make = || Box::new(Nodes::new(frame, basis, &unit.sent, how.nodes));
-            let row = self.of_cell(x, &unit.sent, ready.unit[how.nodes - 1].get_or_init(make), how);
-            return self.by_row(unit, row);
+        let rays = how.rays_of(p);
+        if rays == 0 {
+            return [1.0; N];
         }
-        self.of_cell(x, emitter, ready.nodes.get(self.packet, emitter, how.nodes), how)
+        self.uncertain[p] += light_w_m2;
+        if visible == 0 {
+            return [0.0; N];
+        }
+        let targets = ready.nodes.get(self.packet, emitter, rays);
+        if visible == targets.all() {
+            return [1.0; N];
+        }
+        self.visible_share(self.points.position[p], targets, visible)
+    }
+
+    /// Adds to point `p` the share of each band that it sees.
+    pub(super) fn brighten(&mut self, p: usize, light: &[f64; N], share: &[f64; N]) {
+        for n in 0..N {
+            self.irradiance[p][n] += share[n] * light[n];
+        }
     }
 
     /// The light of a cell seen in part by point `p`, and the form factor of the whole cell; `None` where that cannot be followed.
@@ -58,73 +120,6 @@ impl<const N: usize> Gather<'_, N> {
             return Some((self.by_row(unit, row), whole));
         }
         self.of_fragments(p, emitter, candidates, constant)
-    }
-
-    /// What sends to point `p` in place of the cell, if that is recorded.
-    fn unit<'e>(&self, p: usize, emitter: &'e EmitterCell<N>) -> Option<&'e Unit> {
-        emitter.unit.as_deref().filter(|_| p < self.scratch.recording.points)
-    }
-
-    /// The light that a row brings, which is kept for [`Gather::add`].
-    fn by_row(&mut self, unit: &Unit, row: [f64; MAX_FUNCTIONS]) -> [f64; N] {
-        let coefficients = &self.packet.nodes[unit.node as usize].coefficients;
-        let mut light = [0.0; N];
-        for (factor, coefficient) in row.iter().zip(coefficients) {
-            for n in 0..N {
-                light[n] += factor * coefficient[n];
-            }
-        }
-        self.scratch.recording.row = row;
-        light
-    }
-
-    /// Adds to point `p` what was just found of each band that share of it which is seen, and records it.
-    pub(super) fn add(
-        &mut self,
-        p: usize,
-        emitter: &EmitterCell<N>,
-        light: &[f64; N],
-        share: Option<[f64; N]>,
-        how: &How,
-    ) {
-        let mut share = share.unwrap_or([1.0; N]);
-        if let Some(unit) = self.unit(p, emitter) {
-            share = [self.record(p, unit, light, &share, how); N];
-        }
-        for n in 0..N {
-            self.irradiance[p][n] += share[n] * light[n];
-        }
-    }
-
-    /// Records the row of the light just found, for all bands alike, and returns the share of it that stands for theirs.
-    fn record(&mut self, p: usize, unit: &Unit, light: &[f64; N], share: &[f64; N], how: &How) -> f64 {
-        let (lit, seen) = light
-            .iter()
-            .zip(share)
-            .fold((0.0, 0.0), |(lit, seen), (light, share)| (lit + light.abs(), seen + share * light.abs()));
-        let even = if lit > seen { seen / lit } else { share[0] };
-        let node = &self.packet.nodes[unit.node as usize];
-        let recording = &mut self.scratch.recording;
-        recording.rows.push(Row {
-            point: p,
-            cell: unit.cell,
-            strength_w_m2: node.strength_w_m2(),
-            detail_w_m2: node.detail.rms_w_m2,
-            fading: how.nearest.min(1.0).powi(self.packet.basis.order() as i32),
-            factors: recording.row.map(|factor| even * factor),
-        });
-        even
-    }
-
-    /// The light of a whole cell on a point at `x`.
-    fn of_cell<const M: usize>(
-        &mut self,
-        x: DVec3,
-        emitter: &EmitterCell<M>,
-        nodes: &Nodes<M>,
-        how: &How,
-    ) -> [f64; M] {
-        if how.closed_form { self.near(x, emitter, nodes, how.constant) } else { self.far(x, nodes) }
     }
 
     /// The light of a cell seen in part by point `p`, from the fragments that its blockers leave, and the form factor of the whole cell.
@@ -155,9 +150,8 @@ impl<const N: usize> Gather<'_, N> {
         let mut light = [0.0; M];
         let packet = self.packet;
         let radiosity = |y: DVec3| nearest_radiosity(packet, emitter, x + y);
-        for fragment in visible {
+        for corners in visible.iter() {
             // Relative to the point that the light falls on, which beyond a cut polygon's edge is not the eye.
-            let corners = fragment.corners();
             let factor = form_factor(DVec3::ZERO, n_x, corners.iter().map(|c| *c + shift));
             if constant {
                 for n in 0..M {
@@ -191,7 +185,7 @@ impl<const N: usize> Gather<'_, N> {
     }
 
     /// The share of a cell's light per band that the rays to these of its nodes find unblocked.
-    pub(super) fn visible_share(&self, x: DVec3, targets: &Nodes<N>, visible: u32) -> [f64; N] {
+    fn visible_share(&self, x: DVec3, targets: &Nodes<N>, visible: u32) -> [f64; N] {
         let (mut seen, mut total) = ([0.0; N], [0.0; N]);
         for q in 0..targets.count {
             let k = kernel(x, self.points.normal, targets.position[q], self.packet.frame.normal);
@@ -207,8 +201,21 @@ impl<const N: usize> Gather<'_, N> {
         std::array::from_fn(|n| if total[n] > 0.0 { seen[n] / total[n] } else { votes })
     }
 
+    /// Product quadrature for four points.
+    fn far_side_by_side(&self, group: usize, nodes: &Nodes<N>) -> [f64x4; N] {
+        let (n_x, n_y) = (DVec3x4::splat(self.points.normal), DVec3x4::splat(self.packet.frame.normal));
+        let mut sum = [f64x4::ZERO; N];
+        for q in 0..nodes.count {
+            let k = kernels(&self.lanes[group], &n_x, &DVec3x4::splat(nodes.position[q]), &n_y);
+            for n in 0..N {
+                sum[n] += k * f64x4::splat(nodes.weighted[q][n]);
+            }
+        }
+        sum
+    }
+
     /// Product quadrature.
-    fn far<const M: usize>(&mut self, x: DVec3, nodes: &Nodes<M>) -> [f64; M] {
+    pub(super) fn far<const M: usize>(&mut self, x: DVec3, nodes: &Nodes<M>) -> [f64; M] {
         self.scratch.work.kernel_evaluations += nodes.count as u64;
         let mut sum = [0.0; M];
         for q in 0..nodes.count {
@@ -221,11 +228,11 @@ impl<const N: usize> Gather<'_, N> {
     }
 
     /// Lambert's closed form, with singularity subtraction where the radiosity varies.
-    fn near<const M: usize>(
+    pub(super) fn near<'n, const M: usize>(
         &mut self,
         x: DVec3,
         emitter: &EmitterCell<M>,
-        nodes: &Nodes<M>,
+        nodes: impl FnOnce() -> &'n Nodes<M>,
         constant: bool,
     ) -> [f64; M] {
         let (n_x, n_y) = (self.points.normal, self.packet.frame.normal);
@@ -234,6 +241,7 @@ impl<const N: usize> Gather<'_, N> {
         if constant {
             return emitter.coefficients[0].map(|c| c * factor);
         }
+        let nodes = nodes();
         self.scratch.work.kernel_evaluations += nodes.count as u64;
         let nearest = nearest_radiosity(self.packet, emitter, x);
         let mut light = nearest.map(|b| b * factor);

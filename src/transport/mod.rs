@@ -12,6 +12,7 @@ mod cluster;
 mod descent;
 mod expected;
 pub mod gather;
+mod judge;
 pub mod kernel;
 pub mod lambert;
 pub mod lamp;

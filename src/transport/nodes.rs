@@ -6,6 +6,7 @@ use glam::{DVec2, DVec3};
 
 use super::packet::{EmitterCell, Packet};
 use crate::math::basis::{Basis, MAX_FUNCTIONS, legendre};
+use crate::math::lanes::{DVec3x4, LANES};
 use crate::math::polygon;
 use crate::math::quadrature::gauss;
 use crate::scene::Frame;
@@ -47,15 +48,22 @@ impl<const N: usize> Nodes<N> {
             let weights = [Basis::Haar, Basis::M2, Basis::M3][n - 1];
             (weights, polygon::moments(&local, weights))
         });
+        let mut functions = [[0.0; 4]; 3];
+        let (mut along_u, mut along_v) = ([DVec3::ZERO; 3], [DVec3::ZERO; 3]);
+        for i in 0..n {
+            let uv = emitter.cell.to_surface(DVec2::splat(abscissae[i]));
+            functions[i] = legendre(abscissae[i]);
+            (along_u[i], along_v[i]) = (frame.origin + uv.x * frame.u, uv.y * frame.v);
+        }
         for i in 0..n {
             for j in 0..n {
                 let q = i * n + j;
-                let local = DVec2::new(abscissae[i], abscissae[j]);
-                let uv = emitter.cell.to_surface(local);
-                nodes.position[q] = frame.point(uv);
+                nodes.position[q] = along_u[i] + along_v[j];
                 nodes.eye[q] = nodes.position[q];
                 let mut weight = weights[i] * weights[j];
                 if let (Some((weights, moments)), Some(outline)) = (&moments, &emitter.outline) {
+                    let local = DVec2::new(abscissae[i], abscissae[j]);
+                    let uv = emitter.cell.to_surface(local);
                     let phi = weights.evaluate(local);
                     weight *= (0..weights.len()).map(|a| phi[a] * moments[a]).sum::<f64>();
                     if !polygon::contains(outline, uv) {
@@ -66,13 +74,30 @@ impl<const N: usize> Nodes<N> {
                     }
                 }
                 nodes.area[q] = weight * area;
-                let value = value_at(basis, &emitter.coefficients, local);
+                let value = value(basis, &emitter.coefficients, &functions[i], &functions[j]);
                 nodes.weighted[q] = value.map(|b| b * nodes.area[q]);
             }
         }
         nodes
     }
+
+    /// All of them, as a bit mask.
+    pub fn all(&self) -> u32 {
+        (1 << self.count) - 1
+    }
+
+    /// Where visibility is taken from, side by side.
+    pub fn eyes(&self) -> [DVec3x4; NODE_LANES] {
+        let mut eyes = [DVec3x4::default(); NODE_LANES];
+        for (lanes, eyes) in eyes.iter_mut().zip(self.eye[..self.count].chunks(LANES)) {
+            *lanes = DVec3x4::new(eyes);
+        }
+        eyes
+    }
 }
+
+/// Registers that nine nodes take.
+pub const NODE_LANES: usize = 9usize.div_ceil(LANES);
 
 /// The nodes of one cell, made when asked for; those of a packet's root stand ready in the packet.
 #[derive(Default)]
@@ -94,14 +119,36 @@ pub fn value_at<const N: usize>(
     coefficients: &[[f64; N]; MAX_FUNCTIONS],
     local: DVec2,
 ) -> [f64; N] {
-    let k = basis.order();
-    let (x, y) = (legendre(local.x), legendre(local.y));
+    value(basis, coefficients, &legendre(local.x), &legendre(local.y))
+}
+
+/// The same where the functions of either coordinate are known.
+fn value<const N: usize>(
+    basis: Basis,
+    coefficients: &[[f64; N]; MAX_FUNCTIONS],
+    x: &[f64; 4],
+    y: &[f64; 4],
+) -> [f64; N] {
+    // With the order known the loops unroll.
+    match basis {
+        Basis::Haar => sum::<N, 1>(coefficients, x, y),
+        Basis::M2 => sum::<N, 2>(coefficients, x, y),
+        Basis::M3 => sum::<N, 3>(coefficients, x, y),
+    }
+}
+
+#[inline(always)]
+fn sum<const N: usize, const K: usize>(
+    coefficients: &[[f64; N]; MAX_FUNCTIONS],
+    x: &[f64; 4],
+    y: &[f64; 4],
+) -> [f64; N] {
     let mut sum = [0.0; N];
-    for i in 0..k {
-        for j in 0..k {
+    for i in 0..K {
+        for j in 0..K {
             let phi = x[i] * y[j];
             for n in 0..N {
-                sum[n] += phi * coefficients[i * k + j][n];
+                sum[n] += phi * coefficients[i * K + j][n];
             }
         }
     }

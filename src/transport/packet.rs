@@ -4,6 +4,7 @@
 //! matters; deeper ones are made on the fly by pushing coefficients down.
 
 use glam::{DVec2, DVec3};
+use wide::f64x4;
 
 use super::nodes::Nodes;
 use super::recording::Unit;
@@ -40,10 +41,14 @@ pub struct Detail {
 }
 
 impl Detail {
-    /// The detail that counts for a bundle of points that sees the cell at `ratio` of its size to its distance. Near by the kernel picks
-    /// out a part of the cell; far away it is a polynomial itself and the detail's vanishing moments of this order make it fade.
-    pub fn seen_w_m2(&self, ratio: f64, order: usize) -> f64 {
-        (self.rms_w_m2 * ratio.max(1.0)).min(self.max_w_m2) * ratio.min(1.0).powi(order as i32)
+    /// The detail that counts for points that see the cell at these ratios of its size to its distance. Near by the kernel picks out a part
+    /// of the cell; far away it is a polynomial itself and the detail's vanishing moments of this order make it fade.
+    #[inline]
+    pub fn seen_w_m2(&self, ratio: f64x4, order: usize) -> f64x4 {
+        let far = ratio.fast_min(f64x4::ONE);
+        let fading = [far, far * far, far * (far * far)][order.clamp(1, 3) - 1];
+        let near = f64x4::splat(self.rms_w_m2) * ratio.fast_max(f64x4::ONE);
+        near.fast_min(f64x4::splat(self.max_w_m2)) * fading
     }
 }
 

@@ -10,69 +10,87 @@ const MAX_CORNERS: usize = 16;
 /// Fragments, at most; beyond them the caller samples instead.
 const MAX_FRAGMENTS: usize = 48;
 
-/// Fragments of the call at hand, kept between calls.
+/// Working memory, kept between calls.
 #[derive(Clone, Debug, Default)]
 pub struct Fragments {
-    whole: Vec<Fragment>,
-    kept: Vec<Fragment>,
-    /// The part of a blocker that lies between.
-    between: Fragment,
+    left: Polygons,
+    kept: Polygons,
+    /// What is being cut, and what is left of it.
+    whole: Vec<DVec3>,
+    part: Vec<DVec3>,
+    planes: Vec<DVec3>,
 }
 
-/// A polygon seen from the eye.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Fragment {
-    count: usize,
-    corners: [DVec3; MAX_CORNERS],
+/// Polygons seen from the eye, one after the other.
+#[derive(Clone, Debug, Default)]
+pub struct Polygons {
+    corners: Vec<DVec3>,
+    ends: Vec<usize>,
 }
 
-impl Fragment {
-    /// Makes it this polygon; `None` when that has too many corners.
-    fn fill(&mut self, corners: impl Iterator<Item = DVec3>) -> Option<()> {
-        self.count = 0;
-        for corner in corners {
-            self.push(corner)?;
+impl Polygons {
+    fn clear(&mut self) {
+        self.corners.clear();
+        self.ends.clear();
+    }
+
+    /// Counts the corners that were added as a polygon; `None` where that is one too many.
+    fn close(&mut self) -> Option<()> {
+        self.ends.push(self.corners.len());
+        (self.ends.len() <= MAX_FRAGMENTS).then_some(())
+    }
+
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.ends.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.ends.is_empty()
+    }
+
+    /// The corners of each, relative to the eye.
+    pub fn iter(&self) -> impl Iterator<Item = &[DVec3]> {
+        let starts = std::iter::once(&0).chain(&self.ends);
+        starts.zip(&self.ends).map(|(start, end)| &self.corners[*start..*end])
+    }
+}
+
+/// Replaces `inside` by the part of `polygon` with `normal · v ≥ d`, and adds the rest to `outside`; `None` where either has too many corners.
+fn cut(
+    polygon: &[DVec3],
+    (normal, d): (DVec3, f64),
+    inside: &mut Vec<DVec3>,
+    mut outside: Option<&mut Vec<DVec3>>,
+) -> Option<()> {
+    inside.clear();
+    let before = outside.as_ref().map_or(0, |outside| outside.len());
+    let mut add_outside = |corner: DVec3| outside.iter_mut().for_each(|outside| outside.push(corner));
+    let mut a = *polygon.last()?;
+    let mut height_a = normal.dot(a) - d;
+    for &b in polygon {
+        let height_b = normal.dot(b) - d;
+        if (height_a > 0.0 && height_b < 0.0) || (height_a < 0.0 && height_b > 0.0) {
+            let corner = a + (b - a) * (height_a / (height_a - height_b));
+            inside.push(corner);
+            add_outside(corner);
         }
-        Some(())
-    }
-
-    fn push(&mut self, corner: DVec3) -> Option<()> {
-        *self.corners.get_mut(self.count)? = corner;
-        self.count += 1;
-        Some(())
-    }
-
-    /// Its corners relative to the eye.
-    pub fn corners(&self) -> &[DVec3] {
-        &self.corners[..self.count]
-    }
-
-    /// Keeps the part with `normal · v ≥ d`; `None` when it has too many corners.
-    fn clip(&mut self, normal: DVec3, d: f64) -> Option<()> {
-        if self.corners().iter().all(|v| normal.dot(*v) >= d) {
-            return Some(());
+        if height_b >= 0.0 {
+            inside.push(b);
         }
-        let mut out = Self { count: 0, corners: [DVec3::ZERO; MAX_CORNERS] };
-        let mut a = self.corners()[self.count - 1];
-        let mut height_a = normal.dot(a) - d;
-        for &b in self.corners() {
-            let height_b = normal.dot(b) - d;
-            if (height_a > 0.0 && height_b < 0.0) || (height_a < 0.0 && height_b > 0.0) {
-                out.push(a + (b - a) * (height_a / (height_a - height_b)))?;
-            }
-            if height_b >= 0.0 {
-                out.push(b)?;
-            }
-            (a, height_a) = (b, height_b);
+        if height_b <= 0.0 {
+            add_outside(b);
         }
-        *self = out;
-        Some(())
+        (a, height_a) = (b, height_b);
     }
+    let added = outside.as_ref().map_or(0, |outside| outside.len()) - before;
+    (inside.len() <= MAX_CORNERS && added <= MAX_CORNERS).then_some(())
+}
 
-    /// Whether it reaches to the side `normal · v > 0` by more than rounding.
-    fn reaches(&self, normal: DVec3, margin: f64) -> bool {
-        self.corners().iter().any(|v| normal.dot(*v) > margin)
-    }
+/// Whether a polygon reaches to the side `normal · v > 0` by more than rounding.
+fn reaches(polygon: &[DVec3], normal: DVec3, margin: f64) -> bool {
+    polygon.iter().any(|v| normal.dot(*v) > margin)
 }
 
 /// The fragments, relative to `eye` (on a plane with unit normal `n`), of the polygon `emitter` (front normal `n_emitter`) that convex
@@ -84,23 +102,32 @@ pub fn visible_fragments<'a, 'b>(
     n_emitter: DVec3,
     blockers: impl Iterator<Item = &'a [DVec3]>,
     fragments: &'b mut Fragments,
-) -> Option<&'b [Fragment]> {
-    let Fragments { whole: left, kept, between } = fragments;
-    left.resize(1, Fragment::default());
-    left[0].fill(emitter.map(|p| p - eye))?;
-    let d_emitter = n_emitter.dot(left[0].corners[0]);
+) -> Option<&'b Polygons> {
+    let Fragments { left, kept, whole, part, planes } = fragments;
+    left.clear();
+    left.corners.extend(emitter.map(|p| p - eye));
+    left.close()?;
+    let d_emitter = n_emitter.dot(*left.corners.first()?);
+    if left.corners.len() > MAX_CORNERS {
+        return None;
+    }
     for blocker in blockers {
         // Only what lies between counts: above the eye's horizon and in front of the emitter.
-        between.fill(blocker.iter().map(|p| *p - eye))?;
-        between.clip(n, 0.0)?;
-        between.clip(n_emitter, d_emitter)?;
-        if between.count < 3 {
+        part.clear();
+        part.extend(blocker.iter().map(|p| *p - eye));
+        for (normal, d) in [(n, 0.0), (n_emitter, d_emitter)] {
+            std::mem::swap(whole, part);
+            cut(whole, (normal, d), part, None)?;
+            if part.is_empty() {
+                break;
+            }
+        }
+        if part.len() < 3 || !set_planes(part, planes) {
             continue;
         }
-        let Some(planes) = Planes::new(between) else { continue };
         kept.clear();
         for fragment in left.iter() {
-            planes.subtract(fragment, kept)?;
+            subtract(planes, fragment, kept, (&mut *whole, &mut *part))?;
         }
         std::mem::swap(left, kept);
         if left.is_empty() {
@@ -110,64 +137,61 @@ pub fn visible_fragments<'a, 'b>(
     Some(left)
 }
 
-/// The planes through the eye and a blocker's edges, normals inward.
-struct Planes {
-    count: usize,
-    normals: [DVec3; MAX_CORNERS],
+/// Makes `planes` the normals, pointing inward, of the planes through the eye and a blocker's edges; `false` for a blocker seen edge-on.
+fn set_planes(corners: &[DVec3], planes: &mut Vec<DVec3>) -> bool {
+    let next = |i: usize| if i + 1 < corners.len() { corners[i + 1] } else { corners[0] };
+    let centre: DVec3 = corners.iter().sum();
+    planes.clear();
+    planes.extend((0..corners.len()).map(|i| corners[i].cross(next(i))));
+    let area: DVec3 = planes.iter().sum();
+    let facing = area.dot(centre);
+    if facing.abs() <= 1e-12 * area.length() * centre.length() {
+        return false;
+    }
+    let sign = facing.signum();
+    let mut edge = 0;
+    planes.retain_mut(|normal| {
+        let (a, b) = (corners[edge], next(edge));
+        edge += 1;
+        // An edge that runs towards the eye, or has no length, bounds nothing.
+        let length = normal.length();
+        let bounds = length > 1e-12 * a.length() * b.length();
+        *normal *= sign / length;
+        bounds
+    });
+    true
 }
 
-impl Planes {
-    /// `None` for a blocker seen edge-on.
-    fn new(blocker: &Fragment) -> Option<Self> {
-        let corners = blocker.corners();
-        let centre: DVec3 = corners.iter().sum();
-        let area: DVec3 =
-            (0..corners.len()).map(|i| corners[i].cross(corners[(i + 1) % corners.len()])).sum();
-        let facing = area.dot(centre);
-        if facing.abs() <= 1e-12 * area.length() * centre.length() {
-            return None;
-        }
-        let mut planes = Self { count: 0, normals: [DVec3::ZERO; MAX_CORNERS] };
-        for (i, a) in corners.iter().enumerate() {
-            let b = corners[(i + 1) % corners.len()];
-            let normal = a.cross(b);
-            let length = normal.length();
-            // An edge that runs towards the eye, or has no length, bounds nothing.
-            if length > 1e-12 * a.length() * b.length() {
-                planes.normals[planes.count] = normal * (facing.signum() / length);
-                planes.count += 1;
+/// Appends the parts of `fragment` outside of the blocker with these planes to `kept`.
+fn subtract(
+    planes: &[DVec3],
+    fragment: &[DVec3],
+    kept: &mut Polygons,
+    (rest, spare): (&mut Vec<DVec3>, &mut Vec<DVec3>),
+) -> Option<()> {
+    let margin = 1e-12 * fragment[0].length();
+    if planes.iter().any(|normal| !reaches(fragment, *normal, margin)) {
+        kept.corners.extend_from_slice(fragment);
+        return kept.close();
+    }
+    rest.clear();
+    rest.extend_from_slice(fragment);
+    for &normal in planes {
+        if reaches(rest, -normal, margin) {
+            let start = kept.corners.len();
+            cut(rest, (normal, 0.0), spare, Some(&mut kept.corners))?;
+            std::mem::swap(rest, spare);
+            if kept.corners.len() - start >= 3 {
+                kept.close()?;
+            } else {
+                kept.corners.truncate(start);
+            }
+            if rest.len() < 3 {
+                break;
             }
         }
-        Some(planes)
     }
-
-    /// Appends the parts of `fragment` outside of the blocker to `kept`.
-    fn subtract(&self, fragment: &Fragment, kept: &mut Vec<Fragment>) -> Option<()> {
-        let margin = 1e-12 * fragment.corners[0].length();
-        let mut keep = |part: &Fragment| {
-            kept.push(*part);
-            (kept.len() <= MAX_FRAGMENTS).then_some(())
-        };
-        let normals = &self.normals[..self.count];
-        if normals.iter().any(|normal| !fragment.reaches(*normal, margin)) {
-            return keep(fragment);
-        }
-        let mut rest = *fragment;
-        for &normal in normals {
-            if rest.reaches(-normal, margin) {
-                let mut outside = rest;
-                outside.clip(-normal, 0.0)?;
-                if outside.count >= 3 {
-                    keep(&outside)?;
-                }
-                rest.clip(normal, 0.0)?;
-                if rest.count < 3 {
-                    break;
-                }
-            }
-        }
-        Some(())
-    }
+    Some(())
 }
 
 #[cfg(test)]
@@ -187,7 +211,7 @@ mod tests {
         let corners = source.iter().copied();
         let visible =
             visible_fragments(DVec3::ZERO, DVec3::Z, corners, DVec3::NEG_Z, blockers, &mut fragments)?;
-        Some(visible.iter().map(|f| factor(f.corners())).sum::<f64>() / factor(source))
+        Some(visible.iter().map(factor).sum::<f64>() / factor(source))
     }
 
     proptest! {

@@ -1,18 +1,24 @@
-//! How a point sees an emitter cell: estimates on the safe side that decide how its light is taken.
+//! How points see an emitter cell, four side by side: estimates on the safe side that decide how its light is taken.
+
+use std::f64::consts::PI;
 
 use glam::DVec3;
+use wide::f64x4;
 
 use super::packet::EmitterCell;
+use crate::math::lanes::DVec3x4;
 use crate::scene::Frame;
 
-/// An emitter cell as seen from a point.
-pub struct View {
+/// An emitter cell as seen from four points.
+pub struct Views {
+    /// The points that light can reach, as a bit mask; what follows holds for these.
+    pub seen: u32,
     /// Longest side over distance to the cell's middle.
-    pub ratio: f64,
+    pub ratio: f64x4,
     /// Longest side over distance to the cell.
-    pub nearest: f64,
+    pub nearest: f64x4,
     /// Estimate, on the safe side, of the form factor.
-    pub form_factor: f64,
+    pub form_factor: f64x4,
 }
 
 /// Where an emitter cell lies.
@@ -45,22 +51,23 @@ impl Geometry {
         radius <= self.normal.dot(between) || normal.dot(between) + radius + self.half <= 0.0
     }
 
-    /// How a point sees the cell; `None` where no light can pass.
-    pub fn view(&self, normal: DVec3, x: DVec3) -> Option<View> {
-        let between = self.middle - x;
-        let above = -self.normal.dot(between);
-        let ahead = normal.dot(between) + self.half;
-        if above <= 0.0 || ahead <= 0.0 {
-            return None;
+    /// How points on a plane with this normal see the cell.
+    #[inline]
+    pub fn views(&self, normal: DVec3, x: &DVec3x4) -> Views {
+        let (half, size, area_m2) =
+            (f64x4::splat(self.half), f64x4::splat(self.size), f64x4::splat(self.area_m2));
+        let between = DVec3x4::splat(self.middle) - *x;
+        let above = -DVec3x4::splat(self.normal).dot(&between);
+        let ahead = DVec3x4::splat(normal).dot(&between) + half;
+        let distance = between.length_squared().sqrt();
+        let gap = (distance - half).fast_max(above);
+        let (cos_x, cos_y) = ((ahead / gap).fast_min(f64x4::ONE), above / gap);
+        let square = f64x4::splat(PI * 0.5) * (distance * distance + gap * gap);
+        Views {
+            seen: (above.simd_gt(f64x4::ZERO) & ahead.simd_gt(f64x4::ZERO)).to_bitmask(),
+            ratio: size / distance,
+            nearest: size / gap,
+            form_factor: (cos_x * cos_y * area_m2 / (square + area_m2)).fast_min(f64x4::ONE),
         }
-        let distance = between.length();
-        let gap = (distance - self.half).max(above);
-        let (cos_x, cos_y) = ((ahead / gap).min(1.0), above / gap);
-        let square = std::f64::consts::PI * 0.5 * (distance * distance + gap * gap);
-        Some(View {
-            ratio: self.size / distance,
-            nearest: self.size / gap,
-            form_factor: (cos_x * cos_y * self.area_m2 / (square + self.area_m2)).min(1.0),
-        })
     }
 }
