@@ -36,8 +36,7 @@ const MODEST: f64 = 8.0;
 /// How much more of an element's light shadows between those few points may take.
 const MODEST_UNSEEN: f64 = 8.0;
 
-/// How much sharper each further look is, and the sharpest there is.
-const SHARPER: f64 = 0.2;
+/// The sharpest relative tolerance of a look.
 const SHARPEST: f64 = 1e-6;
 
 /// A spot that a source lights less than this share of a cell's side away lies between the sample points.
@@ -184,11 +183,11 @@ impl<const N: usize, S: Source<N>> Link<'_, '_, N, S> {
                 }
             }
         }
-        // A first look, only as sharp as it takes to see that the element must be divided.
-        let mut tolerance =
-            Tolerance { relative: COARSE, absolute_w_m2: (COARSE * estimate).max(strict_w_m2) };
+        // A first look, only as sharp as it takes to see that the element must be divided; most need not be.
         let rule = &self.task.rules.samples.full;
         let sampling = samplings.full(self.aim.extend);
+        let mut tolerance =
+            Tolerance { relative: COARSE, absolute_w_m2: (COARSE * estimate).max(strict_w_m2) };
         loop {
             match self.look_at((rule, sampling), &allowance, 1.0, tolerance) {
                 Found::Verdict(Verdict::Linked { light, .. }) if !forced && self.overlooks_spot(&light) => {
@@ -196,11 +195,7 @@ impl<const N: usize, S: Source<N>> Link<'_, '_, N, S> {
                 }
                 Found::Verdict(verdict) => return verdict,
                 Found::Rough(look) => return Verdict::Rough(self.direction(&look)),
-                Found::Sharper(light) => {
-                    let absolute_w_m2 = (SHARPER * tolerance.absolute_w_m2.min(light)).max(strict_w_m2);
-                    let relative = (absolute_w_m2 / light).clamp(SHARPEST, COARSE);
-                    tolerance = Tolerance { relative, absolute_w_m2 };
-                }
+                Found::Sharper(light) => tolerance = sharp(strict_w_m2, light),
             }
         }
     }
@@ -432,6 +427,11 @@ fn nearest_inside(outline: &[DVec2], uv: DVec2, frame: &Frame) -> DVec2 {
     let mean = outline.iter().sum::<DVec2>() / outline.len() as f64;
     let further = [near - uv, mean - near].map(|inwards| near + 1e-3 * inwards);
     further.into_iter().find(|point| polygon::contains(outline, *point)).unwrap_or(near)
+}
+
+/// The tolerance that loses no more than this of so much light.
+fn sharp(absolute_w_m2: f64, light_w_m2: f64) -> Tolerance {
+    Tolerance { relative: (absolute_w_m2 / light_w_m2).clamp(SHARPEST, COARSE), absolute_w_m2 }
 }
 
 /// Mean square of the values whose bit is set.
