@@ -48,7 +48,7 @@ pub struct AccuracyArguments {
     /// Relative error asked for: the L2 norm over all surfaces and bands, measured on reflected radiosity.
     #[arg(long, value_name = "E", default_value = "0.01", allow_negative_numbers = true)]
     pub error: String,
-    /// Function basis: haar, m2, m3 or auto.
+    /// Function basis: haar, m2, m3, or auto: at most that of m3, and less where light is smooth.
     #[arg(long, value_name = "NAME", default_value = "auto")]
     pub basis: String,
 }

@@ -21,6 +21,8 @@ pub enum Basis {
     M2,
     /// Piecewise biquadratic, k = 3.
     M3,
+    /// The functions of M3, of which only those are used that the light asks for.
+    Auto,
 }
 
 impl Basis {
@@ -29,7 +31,7 @@ impl Basis {
         match self {
             Basis::Haar => 1,
             Basis::M2 => 2,
-            Basis::M3 => 3,
+            Basis::M3 | Basis::Auto => 3,
         }
     }
 
@@ -37,6 +39,12 @@ impl Basis {
     #[allow(clippy::len_without_is_empty)]
     pub const fn len(self) -> usize {
         self.order() * self.order()
+    }
+
+    /// Number of functions of the first `k` per dimension that function `a` needs: 1, 2 or 3.
+    pub const fn order_of(self, a: usize) -> usize {
+        let (i, j) = (a / self.order(), a % self.order());
+        1 + if i > j { i } else { j }
     }
 
     /// All functions at a point of the unit square; entries from [`Basis::len`] on are zero.

@@ -151,7 +151,7 @@ impl Build<'_> {
             None => {
                 // Quadratic functions bend within a cell: give its edges a point in the middle.
                 let steps: &[(f64, f64)] = match self.field.basis {
-                    Basis::M3 => &[
+                    Basis::M3 | Basis::Auto => &[
                         (0.0, 0.0),
                         (0.5, 0.0),
                         (1.0, 0.0),

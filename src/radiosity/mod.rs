@@ -5,6 +5,7 @@ pub mod element;
 pub mod emission;
 pub mod lure;
 pub mod mixing;
+mod order;
 pub mod probe;
 pub mod solution;
 pub mod state;

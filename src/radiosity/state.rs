@@ -9,6 +9,7 @@ use crate::transport::{Deposited, Detail, Packet, PacketNode, Patch, Receiver, S
 
 use super::element::Element;
 use super::mixing::Direct;
+use super::order;
 use super::solution::{Field, Node};
 
 /// A surface with its tree of elements.
@@ -70,7 +71,8 @@ impl<const N: usize> Tree<N> {
         self.packet(Basis::Haar, nodes)
     }
 
-    /// Takes what is unshot into a packet; nothing remains. Detail below `prune_w_m2` is averaged.
+    /// Takes what is unshot into a packet; nothing remains. Detail below `prune_w_m2` is averaged, and where orders are not fixed, so are
+    /// functions.
     pub fn take_packet(&mut self, prune_w_m2: f64) -> Packet<N> {
         let blank =
             PacketNode { coefficients: [[0.0; N]; MAX_FUNCTIONS], detail: Detail::default(), children: None };
@@ -80,7 +82,12 @@ impl<const N: usize> Tree<N> {
         // Packets of all surfaces may be under way at once.
         nodes.shrink_to_fit();
         self.unshot_w = 0.0;
-        self.packet(self.basis, nodes)
+        let cells = nodes.iter().map(|node| node.coefficients.as_flattened());
+        let basis = order::least(self.basis, N, cells, prune_w_m2);
+        for node in &mut nodes {
+            order::restrict(self.basis, basis, node.coefficients.as_flattened_mut(), N);
+        }
+        self.packet(basis, nodes)
     }
 
     /// Marks all irradiance as unshot and measures it.

@@ -88,7 +88,7 @@ impl Budget {
         match self.basis {
             Basis::Haar => 0.5,
             Basis::M2 => 0.6,
-            Basis::M3 => 0.65,
+            Basis::M3 | Basis::Auto => 0.65,
         }
     }
 
@@ -129,7 +129,7 @@ impl Budget {
         match self.basis {
             // Constants deviate everywhere: all links would go down all the way.
             Basis::Haar => f64::INFINITY,
-            Basis::M2 | Basis::M3 => POINT_SHARE * allowed_w_m / self.root_area_m,
+            Basis::M2 | Basis::M3 | Basis::Auto => POINT_SHARE * allowed_w_m / self.root_area_m,
         }
     }
 }

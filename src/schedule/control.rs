@@ -238,7 +238,7 @@ impl<'a, const N: usize> Run<'a, N> {
         let watch = means.watch;
         let mut work = Work::default();
         watch.pass(0);
-        let mut trees = means.crew.grow::<N>(self.surfaces, self.options.basis)?;
+        let mut trees = means.crew.grow::<N>(self.surfaces, self.basis_by(means.batches))?;
         // In the open, light stays near where it falls: there it makes a larger norm than if it were spread evenly.
         let (budget, sources) = (self.budget, (&self.lamps[..], &self.emitters[..]));
         let guess = guess::norm_w_m(self.even_norm_w_m, sources, self.occluder, &mut trees, means.crew)?;
@@ -266,7 +266,7 @@ impl<'a, const N: usize> Run<'a, N> {
                 threshold *= budget.finer(links, norm, growth);
             }
             watch.pass(passes);
-            let fields = means.crew.map(&mut trees, |_| true, |tree| tree.field())?;
+            let fields = self.fields(&mut trees, &attempt, means.crew)?;
             let last = attempt;
             attempt = self.attempt(&mut trees, threshold, (budget.target, norm), false, &mut means)?;
             work += attempt.work();
@@ -285,9 +285,28 @@ impl<'a, const N: usize> Run<'a, N> {
         (attempt.statistics.packet_bytes, attempt.statistics.link_bytes) = (packet_bytes, link_bytes);
         let fields = match finished {
             Some(fields) => fields,
-            None => means.crew.map(&mut trees, |_| true, |tree| tree.field())?,
+            None => self.fields(&mut trees, &attempt, means.crew)?,
         };
         self.outcome(attempt, fields, trees, work, passes, means)
+    }
+
+    /// The basis of the trees. Stored links fit the functions that they were found for, so that packets must not change theirs.
+    fn basis_by(&self, batches: Batches) -> Basis {
+        match (self.options.basis, batches) {
+            (Basis::Auto, Batches::All { .. }) => Basis::M3,
+            (basis, _) => basis,
+        }
+    }
+
+    /// What the trees have come to.
+    fn fields(
+        &self,
+        trees: &mut [Tree<N>],
+        attempt: &Attempt,
+        crew: &mut Crew<'_>,
+    ) -> Result<Vec<Field>, WorkerPanic> {
+        let spare_w_m2 = self.budget.prune_w_m2(self.budget.target * attempt.norm);
+        crew.map(trees, |_| true, |tree| tree.field().in_least_basis(spare_w_m2))
     }
 
     /// One pass, which is to err by `error` where the norm is as given. That of a pilot is known by guess only, and of a coarse target put

@@ -33,9 +33,6 @@ const POINT_NOISE: f64 = 5.0;
 /// Light that carries at most this many thresholds is sampled at few points and projected on few functions, as long as that suffices.
 const MODEST: f64 = 8.0;
 
-/// How much more of an element's light shadows between those few points may take.
-const MODEST_UNSEEN: f64 = 8.0;
-
 /// The sharpest relative tolerance of a look.
 const SHARPEST: f64 = 1e-6;
 
@@ -89,8 +86,8 @@ pub(super) struct Samplings<'a> {
     element: &'a Element<'a>,
     frame: &'a Frame,
     rules: &'a SampleRules,
-    /// By whether they are few, and whether they extend beyond the polygon.
-    made: [[OnceCell<Sampling>; 2]; 2],
+    /// By rule (full, modest, lean), and whether they extend beyond the polygon.
+    made: [[OnceCell<Sampling>; 2]; 3],
 }
 
 /// What sampling an element showed; errors of radiosity and irradiances in W/m².
@@ -168,9 +165,7 @@ impl<const N: usize, S: Source<N>> Link<'_, '_, N, S> {
                 let tolerance = Tolerance { relative: SHARPEST, absolute_w_m2: strict_w_m2 };
                 let rule = &self.task.rules.samples.modest;
                 let sampling = samplings.modest(self.aim.extend);
-                if let Found::Verdict(verdict) =
-                    self.look_at((rule, sampling), &allowance, MODEST_UNSEEN, tolerance)
-                {
+                if let Found::Verdict(verdict) = self.look_at((rule, sampling), &allowance, tolerance) {
                     return verdict;
                 }
             } else if divided {
@@ -184,12 +179,26 @@ impl<const N: usize, S: Source<N>> Link<'_, '_, N, S> {
             }
         }
         // A first look, only as sharp as it takes to see that the element must be divided; most need not be.
-        let rule = &self.task.rules.samples.full;
-        let sampling = samplings.full(self.aim.extend);
         let mut tolerance =
             Tolerance { relative: COARSE, absolute_w_m2: (COARSE * estimate).max(strict_w_m2) };
+        let lean = self.task.rules.samples.lean.as_ref();
+        if let Some(rule) = lean.filter(|_| candidates == Candidates::Free && !forced) {
+            let sampling = samplings.lean(rule, self.aim.extend);
+            loop {
+                match self.look_at((rule, sampling), &allowance, tolerance) {
+                    Found::Verdict(Verdict::Linked { light, .. }) if self.overlooks_spot(&light) => {
+                        return Verdict::Rough(self.longer_side());
+                    }
+                    Found::Verdict(verdict @ Verdict::Linked { .. }) => return verdict,
+                    Found::Sharper(light) => tolerance = sharp(strict_w_m2, light),
+                    Found::Verdict(_) | Found::Rough(_) => break,
+                }
+            }
+        }
+        let rule = &self.task.rules.samples.full;
+        let sampling = samplings.full(self.aim.extend);
         loop {
-            match self.look_at((rule, sampling), &allowance, 1.0, tolerance) {
+            match self.look_at((rule, sampling), &allowance, tolerance) {
                 Found::Verdict(Verdict::Linked { light, .. }) if !forced && self.overlooks_spot(&light) => {
                     return Verdict::Rough(self.longer_side());
                 }
@@ -200,12 +209,11 @@ impl<const N: usize, S: Source<N>> Link<'_, '_, N, S> {
         }
     }
 
-    /// Looks at the element by a rule between whose points `unseen` times more may hide than between the full one's.
+    /// Looks at the element by a rule.
     fn look_at(
         &mut self,
         (rule, sampling): (&SampleRule, &Sampling),
         allowance: &Allowance,
-        unseen: f64,
         tolerance: Tolerance,
     ) -> Found<N> {
         let look = self.look(rule, sampling, tolerance);
@@ -216,8 +224,9 @@ impl<const N: usize, S: Source<N>> Link<'_, '_, N, S> {
             || tolerance.relative <= SHARPEST;
         // What the look may be wrong by must not divide the element.
         let noise_w_m2 = if sharp { 0.0 } else { self.weight * tolerance.absolute_w_m2 };
-        let hidden = unseen * allowance.hideable * root_area * look.unseen;
-        if !allowance.forced && link_error.hypot(hidden) > self.aim.threshold + root_area * noise_w_m2 {
+        let hidden = rule.unseen * allowance.hideable * root_area * look.unseen;
+        let most = rule.trusted * self.aim.threshold + root_area * noise_w_m2;
+        if !allowance.forced && link_error.hypot(hidden) > most {
             return Found::Rough(look);
         }
         let deviates = look.worst > allowance.point_w_m2 + noise_w_m2;
@@ -389,6 +398,11 @@ impl<'a> Samplings<'a> {
     /// The points of the rule for modest links.
     fn modest(&self, extend: bool) -> &Sampling {
         self.made[1][extend as usize].get_or_init(|| self.sample(&self.rules.modest, extend))
+    }
+
+    /// The points of the lean rule.
+    fn lean(&self, rule: &SampleRule, extend: bool) -> &Sampling {
+        self.made[2][extend as usize].get_or_init(|| self.sample(rule, extend))
     }
 
     fn sample(&self, rule: &SampleRule, extend: bool) -> Sampling {

@@ -30,6 +30,10 @@ const TESTS: [(f64, f64); 8] = [
 pub struct SampleRule {
     /// The basis projected onto.
     pub basis: Basis,
+    /// Share of the threshold up to which a link's error is believed.
+    pub trusted: f64,
+    /// How much more of an element's light shadows between the points may take than between those of the full rule.
+    pub unseen: f64,
     /// Sample points in the element's unit square: nodes first.
     pub points: Vec<DVec2>,
     /// How many of them are nodes.
@@ -50,12 +54,15 @@ pub struct SampleRules {
     pub full: SampleRule,
     /// For light that matters little.
     pub modest: SampleRule,
+    /// For light that nothing shades, where orders are not fixed; what it finds rough, the full one is asked about.
+    pub lean: Option<SampleRule>,
 }
 
 impl SampleRules {
     /// The rules for `basis`.
     pub fn new(basis: Basis) -> Self {
-        Self { full: SampleRule::new(basis), modest: SampleRule::modest(basis) }
+        let lean = (basis == Basis::Auto).then(|| SampleRule::lean(basis));
+        Self { full: SampleRule::new(basis), modest: SampleRule::modest(basis), lean }
     }
 }
 
@@ -71,16 +78,27 @@ impl SampleRule {
     /// The rule that keeps all of `basis`.
     fn new(basis: Basis) -> Self {
         let k = basis.order();
-        Self::with(basis, k, k + 1, &TESTS)
+        Self::with(basis, (k, k + 1), &TESTS, (1.0, 1.0))
+    }
+
+    /// All of `basis` from as few nodes as carry it, with half of the tests.
+    fn lean(basis: Basis) -> Self {
+        let k = basis.order();
+        Self::with(basis, (k, k), &TESTS[..4], (0.5, 1.0))
     }
 
     /// The mean and, where the basis has them, slopes, from four nodes and one test.
     fn modest(basis: Basis) -> Self {
-        Self::with(basis, basis.order().min(2), 2, &[(0.5, 0.5)])
+        Self::with(basis, (basis.order().min(2), 2), &[(0.5, 0.5)], (1.0, 8.0))
     }
 
     /// A rule that keeps the first `k` functions per dimension of `basis`, from `n × n` nodes, `n ≥ k`; nothing beyond is known if `n = k`.
-    fn with(basis: Basis, k: usize, n: usize, tests: &[(f64, f64)]) -> Self {
+    fn with(
+        basis: Basis,
+        (k, n): (usize, usize),
+        tests: &[(f64, f64)],
+        (trusted, unseen): (f64, f64),
+    ) -> Self {
         let (nodes, weights) = gauss(n);
         let grid: Vec<(usize, usize)> = (0..n).flat_map(|i| (0..n).map(move |j| (i, j))).collect();
         let row = |a: usize, b: usize| -> Vec<f64> {
@@ -89,13 +107,15 @@ impl SampleRule {
             };
             grid.iter().map(entry).collect()
         };
-        let kept = |a: usize| (a / basis.order()).max(a % basis.order()) < k;
+        let kept = |a: usize| basis.order_of(a) <= k;
         let both = |a: usize| row(a / basis.order(), a % basis.order());
         let beyond = if n > k { k + 1 } else { 0 };
         let mut points: Vec<DVec2> = grid.iter().map(|(i, j)| DVec2::new(nodes[*i], nodes[*j])).collect();
         points.extend(tests.iter().map(|(x, y)| DVec2::new(*x, *y)));
         Self {
             basis,
+            trusted,
+            unseen,
             nodes: grid.len(),
             projection: (0..basis.len()).map(|a| if kept(a) { both(a) } else { Vec::new() }).collect(),
             beyond_u: (0..beyond).map(|b| row(k, b)).collect(),
