@@ -180,8 +180,7 @@ fn points(surface: &Surface, cell: &Cell) -> Vec<(DVec2, f64)> {
 
 /// The exitance of a surface as a field, divided until what it leaves out has an RMS below `tolerance` of the whole surface's.
 fn exitance(room: &Room, surface: &Surface, tolerance_w_m2: f64) -> Field {
-    let mut field =
-        Field { basis: Basis::M3, bands: 1, nodes: vec![Node::Outside], coefficients: Vec::new() };
+    let mut field = Field::new(Basis::M3, 1, vec![Node::Outside], Vec::new());
     fit(room, surface, tolerance_w_m2, Cell::UNIT, 0, &mut field);
     field
 }

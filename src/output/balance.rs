@@ -33,7 +33,7 @@ pub fn energy_balance(solution: &Solution) -> Known<f64> {
 fn received(solution: &Solution, index: usize) -> Vec<f64> {
     let (surface, field) = (&solution.surfaces[index], &solution.fields[index]);
     let mut power_w = vec![0.0; field.bands];
-    field.for_each_leaf(&mut |leaf| {
+    field.for_each_node(&mut |_, leaf| {
         let area_m2 = surface.frame.area_m2 * leaf.cell.size.x * leaf.cell.size.y;
         let mut add = |function: usize, moment: f64| {
             for (band, sum) in power_w.iter_mut().enumerate() {

@@ -131,7 +131,7 @@ impl Build<'_> {
             };
             match self.field.nodes[index] {
                 Node::Outside => {}
-                Node::Leaf(start) => self.leaf(cell, start as usize, part),
+                Node::Leaf(start) => self.leaf(index, cell, start, part),
                 Node::Inner(split, first) => {
                     for i in (0..split.children().len()).rev() {
                         let child = cell.child(split, i);
@@ -143,10 +143,9 @@ impl Build<'_> {
         }
     }
 
-    fn leaf(&mut self, cell: Cell, start: usize, part: Option<Vec<DVec2>>) {
+    fn leaf(&mut self, node: usize, cell: Cell, start: u32, part: Option<Vec<DVec2>>) {
         let leaf = self.tiling.leaves.len() as u32;
-        let length = self.field.basis.len() * self.field.bands;
-        self.tiling.leaves.push(Leaf { cell, coefficients: &self.field.coefficients[start..start + length] });
+        self.tiling.leaves.push(self.field.within_limits(node, self.field.bare(start, cell)));
         match part {
             None => {
                 // Quadratic functions bend within a cell: give its edges a point in the middle.

@@ -7,6 +7,7 @@ pub mod lure;
 pub mod mixing;
 mod order;
 pub mod probe;
+pub mod ripples;
 pub mod solution;
 pub mod state;
 

@@ -87,12 +87,8 @@ mod tests {
             let (a, scale) = (i / 2 % 9, 1.0 + i as f64 / 36.0);
             if Basis::Auto.order_of(a) <= order { scale } else { less * scale }
         };
-        Field {
-            basis: Basis::Auto,
-            bands: 2,
-            nodes: vec![Node::Inner(Split::U, 1), Node::Leaf(0), Node::Leaf(18)],
-            coefficients: (0..36).map(value).collect(),
-        }
+        let nodes = vec![Node::Inner(Split::U, 1), Node::Leaf(0), Node::Leaf(18)];
+        Field::new(Basis::Auto, 2, nodes, (0..36).map(value).collect())
     }
 
     #[test]

@@ -1,8 +1,11 @@
 //! A finished solution: the irradiance of every surface as a piecewise polynomial on its leaves, flat and self-contained.
 
+use std::sync::OnceLock;
+
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
+use super::ripples::{Limits, limits};
 use crate::math::{Basis, Cell, Split};
 use crate::scene::{Scene, Surface};
 
@@ -34,6 +37,9 @@ pub struct Field {
     pub nodes: Vec<Node>,
     /// Leaf coefficients in W/m²: for each leaf `k²` functions × bands, band fastest.
     pub coefficients: Vec<f64>,
+    /// What may be read of each node's leaf, by band; found when first asked for.
+    #[serde(skip)]
+    pub limits: OnceLock<Vec<Limits>>,
 }
 
 /// A node of a [`Field`].
@@ -54,13 +60,19 @@ pub struct Leaf<'a> {
     pub cell: Cell,
     /// Its coefficients: `k²` functions × bands, band fastest.
     pub coefficients: &'a [f64],
+    /// What may be read of it, by band.
+    pub limits: &'a [Limits],
 }
 
 impl Field {
     /// The same everywhere: one value per band.
     pub fn even(values: &[f64]) -> Self {
-        let (nodes, coefficients) = (vec![Node::Leaf(0)], values.to_vec());
-        Self { basis: Basis::Haar, bands: values.len(), nodes, coefficients }
+        Self::new(Basis::Haar, values.len(), vec![Node::Leaf(0)], values.to_vec())
+    }
+
+    /// A field of these nodes and coefficients.
+    pub fn new(basis: Basis, bands: usize, nodes: Vec<Node>, coefficients: Vec<f64>) -> Self {
+        Self { basis, bands, nodes, coefficients, limits: OnceLock::new() }
     }
 
     /// Number of leaves.
@@ -75,15 +87,16 @@ impl Field {
 
     /// Calls `visit` for every leaf, in depth-first order.
     pub fn for_each_leaf<'a>(&'a self, visit: &mut dyn FnMut(Leaf<'a>)) {
+        self.for_each_node(&mut |node, leaf| visit(self.within_limits(node, leaf)));
+    }
+
+    /// Calls `visit` for every leaf, with its node, in depth-first order; without limits.
+    pub fn for_each_node<'a>(&'a self, visit: &mut dyn FnMut(usize, Leaf<'a>)) {
         let mut stack = vec![(0usize, Cell::UNIT)];
         while let Some((index, cell)) = stack.pop() {
             match self.nodes[index] {
                 Node::Outside => {}
-                Node::Leaf(start) => {
-                    let start = start as usize;
-                    let length = self.basis.len() * self.bands;
-                    visit(Leaf { cell, coefficients: &self.coefficients[start..start + length] });
-                }
+                Node::Leaf(start) => visit(index, self.bare(start, cell)),
                 Node::Inner(split, first) => {
                     for i in (0..split.children().len()).rev() {
                         stack.push((first as usize + i, cell.child(split, i)));
@@ -95,16 +108,17 @@ impl Field {
 
     /// The leaf that holds `uv` (clamped to the unit square); `None` outside the polygon's cells.
     pub fn leaf_at(&self, uv: DVec2) -> Option<Leaf<'_>> {
+        self.leaf_at_bare(uv).map(|(node, leaf)| self.within_limits(node, leaf))
+    }
+
+    /// As [`Field::leaf_at`], with its node and without limits.
+    pub(super) fn leaf_at_bare(&self, uv: DVec2) -> Option<(usize, Leaf<'_>)> {
         let uv = uv.clamp(DVec2::ZERO, DVec2::ONE);
         let (mut index, mut cell) = (0usize, Cell::UNIT);
         loop {
             match self.nodes[index] {
                 Node::Outside => return None,
-                Node::Leaf(start) => {
-                    let start = start as usize;
-                    let length = self.basis.len() * self.bands;
-                    return Some(Leaf { cell, coefficients: &self.coefficients[start..start + length] });
-                }
+                Node::Leaf(start) => return Some((index, self.bare(start, cell))),
                 Node::Inner(split, first) => {
                     let child = split.child_at(cell.to_local(uv));
                     index = first as usize + child;
@@ -112,6 +126,18 @@ impl Field {
                 }
             }
         }
+    }
+
+    /// A leaf of node `index`, which has this cell, with its limits.
+    pub fn within_limits<'a>(&'a self, index: usize, leaf: Leaf<'a>) -> Leaf<'a> {
+        let limits = self.limits.get_or_init(|| limits(self));
+        Leaf { limits: &limits[index * self.bands..(index + 1) * self.bands], ..leaf }
+    }
+
+    /// The leaf with this cell whose coefficients start there, without limits.
+    pub fn bare(&self, start: u32, cell: Cell) -> Leaf<'_> {
+        let (start, length) = (start as usize, self.basis.len() * self.bands);
+        Leaf { cell, coefficients: &self.coefficients[start..start + length], limits: &[] }
     }
 
     /// Irradiance at `uv` in W/m², one value per band, written to `out`; zeros outside the polygon's cells.
@@ -124,8 +150,16 @@ impl Field {
 }
 
 impl Leaf<'_> {
-    /// Irradiance of this leaf's polynomial at `uv` of the surface, one value per band; `uv` may lie outside the leaf.
+    /// Irradiance of this leaf's polynomial at `uv` of the surface within its limits, one value per band; `uv` may lie outside the leaf.
     pub fn irradiance(&self, basis: Basis, uv: DVec2, out: &mut [f64]) {
+        self.polynomial(basis, uv, out);
+        for (value, limits) in out.iter_mut().zip(self.limits) {
+            *value = value.min(limits.high_w_m2).max(limits.low_w_m2);
+        }
+    }
+
+    /// The same without limits.
+    pub fn polynomial(&self, basis: Basis, uv: DVec2, out: &mut [f64]) {
         out.fill(0.0);
         let values = basis.evaluate(self.cell.to_local(uv));
         for (a, phi) in values.iter().take(basis.len()).enumerate() {

@@ -189,7 +189,7 @@ impl<const N: usize> Tree<N> {
     /// The irradiance pushed down to the leaves.
     pub fn field(&self) -> Field {
         let coefficients = Vec::with_capacity(self.root.leaves() as usize * self.basis.len() * N);
-        let mut field = Field { basis: self.basis, bands: N, nodes: vec![Node::Outside], coefficients };
+        let mut field = Field::new(self.basis, N, vec![Node::Outside], coefficients);
         self.flatten(&self.root, &[[0.0; N]; MAX_FUNCTIONS], &mut field, 0);
         field.nodes.shrink_to_fit();
         field

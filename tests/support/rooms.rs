@@ -69,7 +69,7 @@ pub fn surface(scene: &Scene, face: usize, back: bool) -> Surface {
 
 /// A tree split at random down to at most `depth`, its leaves the projection of [`light`].
 pub fn field(surface: &Surface, basis: Basis, bands: usize, depth: usize, random: &mut Random) -> Field {
-    let mut field = Field { basis, bands, nodes: vec![Node::Outside], coefficients: Vec::new() };
+    let mut field = Field::new(basis, bands, vec![Node::Outside], Vec::new());
     let mut stack = vec![(0usize, Cell::UNIT, depth)];
     while let Some((index, cell, left)) = stack.pop() {
         let part = polygon::clip_to_cell(&surface.outline, &cell);
