@@ -11,8 +11,8 @@ use wavelet_radiosity::schedule::{Options, Silent, solve};
 use wavelet_radiosity::transport::Oracle;
 use wavelet_radiosity::visibility::{Bvh, OpaqueFaces};
 
-/// Solves a scene of `scenes/`; returns the RMS deviation at the probes and the estimate.
-fn deviation(name: &str, basis: Basis, error: f64) -> (f64, f64) {
+/// Solves a scene of `scenes/`; returns the RMS deviation at the probes, the estimate and what it cost.
+fn deviation(name: &str, basis: Basis, error: f64) -> (f64, f64, u64) {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let scene = scene::read::read_file(&root.join(format!("scenes/{name}.iv"))).unwrap();
     let surfaces = scene::surfaces(&scene);
@@ -49,12 +49,12 @@ fn deviation(name: &str, basis: Basis, error: f64) -> (f64, f64) {
         outcome.elements,
         outcome.passes
     );
-    (rms, outcome.solution.error_estimate)
+    (rms, outcome.solution.error_estimate, outcome.work.cost())
 }
 
 /// The deviation stays below `limit` and `honest` times the estimate, and the estimate is not idle.
 fn check(name: &str, basis: Basis, error: f64, limit: f64, honest: f64) {
-    let (rms, estimate) = deviation(name, basis, error);
+    let (rms, estimate, _) = deviation(name, basis, error);
     assert!(rms <= limit, "{name} {basis:?} --error {error}: {rms} above {limit}");
     assert!(estimate <= 1.01 * error, "the target was not met: {estimate}");
     assert!(rms <= honest * estimate && estimate <= 4.0 * rms, "{rms} against the estimate {estimate}");
@@ -64,6 +64,18 @@ fn check(name: &str, basis: Basis, error: f64, limit: f64, honest: f64) {
 fn haar_reaches_three_percent() {
     for name in ["cornell-box", "furnished-room", "l-gallery"] {
         check(name, Basis::Haar, 0.03, 0.03, 1.2);
+    }
+}
+
+#[test]
+fn auto_costs_less_than_m3_and_errs_no_more() {
+    for name in ["cornell-box", "furnished-room", "l-gallery"] {
+        for error in [0.1, 0.03] {
+            let (fixed, _, most) = deviation(name, Basis::M3, error);
+            let (rms, _, cost) = deviation(name, Basis::Auto, error);
+            assert!(cost < most, "{name} {error}: {cost} against {most}");
+            assert!(rms <= 1.05 * fixed, "{name} {error}: {rms} against {fixed}");
+        }
     }
 }
 

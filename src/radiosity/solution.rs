@@ -37,9 +37,19 @@ pub struct Field {
     pub nodes: Vec<Node>,
     /// Leaf coefficients in W/m²: for each leaf `k²` functions × bands, band fastest.
     pub coefficients: Vec<f64>,
-    /// What may be read of each node's leaf, by band; found when first asked for.
+    /// What may be read of each node's leaf, by band; found when first asked for, from when on the field must not change.
     #[serde(skip)]
-    pub limits: OnceLock<Vec<Limits>>,
+    pub limits: Found,
+}
+
+/// The limits of a field once they are found; they follow from the rest of it, and are no difference.
+#[derive(Clone, Debug, Default)]
+pub struct Found(OnceLock<Vec<Limits>>);
+
+impl PartialEq for Found {
+    fn eq(&self, _: &Self) -> bool {
+        true
+    }
 }
 
 /// A node of a [`Field`].
@@ -72,7 +82,7 @@ impl Field {
 
     /// A field of these nodes and coefficients.
     pub fn new(basis: Basis, bands: usize, nodes: Vec<Node>, coefficients: Vec<f64>) -> Self {
-        Self { basis, bands, nodes, coefficients, limits: OnceLock::new() }
+        Self { basis, bands, nodes, coefficients, limits: Found::default() }
     }
 
     /// Number of leaves.
@@ -130,7 +140,7 @@ impl Field {
 
     /// A leaf of node `index`, which has this cell, with its limits.
     pub fn within_limits<'a>(&'a self, index: usize, leaf: Leaf<'a>) -> Leaf<'a> {
-        let limits = self.limits.get_or_init(|| limits(self));
+        let limits = self.limits.0.get_or_init(|| limits(self));
         Leaf { limits: &limits[index * self.bands..(index + 1) * self.bands], ..leaf }
     }
 

@@ -23,6 +23,9 @@ pub(super) const COARSER_PILOT: f64 = 2.0;
 /// Iterations within which what is still to come must fall enough. It falls by the reflectance in each, but for noise.
 const PATIENCE: u32 = 4;
 
+/// A receiver may want at least this share of what receivers want on average.
+const LEAST_SHARE: f64 = 0.1;
+
 impl<const N: usize> Pass<'_, N> {
     /// Whether light is gathered.
     pub(super) fn gathers(&self) -> bool {
@@ -41,7 +44,7 @@ impl<const N: usize> Pass<'_, N> {
         if link_bytes == 0 {
             return Ok(());
         }
-        let wants = crew.map(
+        let mut wants = crew.map(
             trees,
             |_| true,
             |tree| match &tree.store {
@@ -49,6 +52,10 @@ impl<const N: usize> Pass<'_, N> {
                 None => (0, self.expected_from(&[], reflected, tree)),
             },
         )?;
+        // Who is expected to want next to nothing may still have links.
+        let expected: u64 = wants.iter().map(|(_, wanted)| wanted).sum();
+        let least = (LEAST_SHARE * expected as f64 / trees.len() as f64).max(1.0) as u64;
+        wants.iter_mut().for_each(|(_, wanted)| *wanted = least.max(*wanted));
         let held: u64 = wants.iter().map(|(held, _)| held).sum();
         let wanted: u64 = wants.iter().map(|(_, wanted)| wanted).sum();
         let free = link_bytes.saturating_sub(held) as f64 / wanted.max(1) as f64;
