@@ -133,7 +133,7 @@ fn value<const N: usize>(
     match basis {
         Basis::Haar => sum::<N, 1>(coefficients, x, y),
         Basis::M2 => sum::<N, 2>(coefficients, x, y),
-        Basis::M3 => sum::<N, 3>(coefficients, x, y),
+        Basis::M3 | Basis::Auto => sum::<N, 3>(coefficients, x, y),
     }
 }
 
