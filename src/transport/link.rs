@@ -181,30 +181,23 @@ impl<const N: usize, S: Source<N>> Link<'_, '_, N, S> {
         // A first look, only as sharp as it takes to see that the element must be divided; most need not be.
         let mut tolerance =
             Tolerance { relative: COARSE, absolute_w_m2: (COARSE * estimate).max(strict_w_m2) };
-        let lean = self.task.rules.samples.lean.as_ref();
-        if let Some(rule) = lean.filter(|_| candidates == Candidates::Free && !forced) {
-            let sampling = samplings.lean(rule, self.aim.extend);
-            loop {
-                match self.look_at((rule, sampling), &allowance, tolerance) {
-                    Found::Verdict(Verdict::Linked { light, .. }) if self.overlooks_spot(&light) => {
-                        return Verdict::Rough(self.longer_side());
-                    }
-                    Found::Verdict(verdict @ Verdict::Linked { .. }) => return verdict,
-                    Found::Sharper(light) => tolerance = sharp(strict_w_m2, light),
-                    Found::Verdict(_) | Found::Rough(_) => break,
-                }
-            }
-        }
-        let rule = &self.task.rules.samples.full;
-        let sampling = samplings.full(self.aim.extend);
+        let samples = &self.task.rules.samples;
+        let mut lean = samples.lean.as_ref().filter(|_| candidates == Candidates::Free && !forced);
         loop {
-            match self.look_at((rule, sampling), &allowance, tolerance) {
+            let rule = match lean {
+                Some(rule) => (rule, samplings.lean(rule, self.aim.extend)),
+                None => (&samples.full, samplings.full(self.aim.extend)),
+            };
+            match self.look_at(rule, &allowance, tolerance) {
+                Found::Sharper(light) => tolerance = sharp(strict_w_m2, light),
                 Found::Verdict(Verdict::Linked { light, .. }) if !forced && self.overlooks_spot(&light) => {
                     return Verdict::Rough(self.longer_side());
                 }
+                Found::Verdict(verdict @ Verdict::Linked { .. }) => return verdict,
+                // What few points find rough, the others are asked about.
+                _ if lean.is_some() => lean = None,
                 Found::Verdict(verdict) => return verdict,
                 Found::Rough(look) => return Verdict::Rough(self.direction(&look)),
-                Found::Sharper(light) => tolerance = sharp(strict_w_m2, light),
             }
         }
     }
