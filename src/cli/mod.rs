@@ -5,6 +5,7 @@
 
 mod arguments;
 mod choice;
+mod counting;
 mod error;
 mod files;
 mod generate;

@@ -33,7 +33,7 @@ pub(super) fn of_run(
         result: result(solved),
         memory: memory(solved, loaded.occluder.depth()),
         workers: solved.workers.clone(),
-        counters: Known::unavailable(plan.no_counters),
+        counters: solved.counters.clone(),
         time_s: Times {
             load: loaded.load_s,
             build: loaded.build_s,
@@ -76,7 +76,7 @@ fn options(plan: &SolvePlan, solved: &Solved) -> BTreeMap<String, Value> {
         ("threads", json!(plan.workers.count())),
         ("pin", json!(plan.workers.policy())),
         ("memory", json!(plan.workers.memory.to_string())),
-        ("counters", json!("off")),
+        ("counters", json!(plan.counters.name())),
         ("probes", json!(plan.probes.as_ref().map(|(input, _)| path(input)))),
         ("probes_out", json!(plan.probes.as_ref().map(|(_, out)| path(out)))),
         ("out", json!(plan.out.iter().map(|out| path(out)).collect::<Vec<_>>())),

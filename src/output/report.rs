@@ -1,6 +1,8 @@
 //! The report of a run (`--report`): one JSON object. A figure that could not be had says so with its
 //! reason, never 0.
 
+mod counters;
+
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -10,6 +12,7 @@ use serde_json::Value;
 use super::Error;
 use super::machine::Machine;
 use crate::scene::{Finding, Scene};
+pub use counters::{Counted, CounterSource, Counters};
 
 /// A value, or `{"unavailable": "why"}`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -66,7 +69,7 @@ pub struct Report {
     pub memory: Memory,
     /// Each worker.
     pub workers: Vec<Worker>,
-    /// Cache and memory behaviour.
+    /// Cache and memory behaviour of the solve.
     pub counters: Known<Counters>,
 }
 
@@ -273,27 +276,6 @@ impl Default for Worker {
             steals_far,
         }
     }
-}
-
-/// Cache and memory behaviour, by the definitions of the design's section 6.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Counters {
-    /// Where the figures come from.
-    pub source: CounterSource,
-    /// Derived figures by name, such as `l1_hit_rate`.
-    pub metrics: BTreeMap<String, Known<f64>>,
-    /// Events by name.
-    pub events: BTreeMap<String, Known<u64>>,
-}
-
-/// Where counters come from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum CounterSource {
-    /// The processor's counters.
-    Hardware,
-    /// A simulated cache.
-    Simulated,
 }
 
 impl Report {

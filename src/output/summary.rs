@@ -1,6 +1,6 @@
 //! The report for people: a dozen aligned lines.
 
-use super::report::{Known, Memory, Report, Times, Work, Worker};
+use super::report::{Counted, Known, Memory, Report, Times, Work, Worker};
 use super::units::{bytes, count, percent, seconds};
 
 /// What a person wants to know after a run, ending in a line feed.
@@ -128,13 +128,42 @@ fn workers(workers: &[Worker]) -> String {
 
 fn counters(report: &Report) -> String {
     known(&report.counters, |counters| {
-        let metrics: Vec<String> = counters
-            .metrics
-            .iter()
-            .map(|(name, value)| format!("{} {}", name.replace('_', " "), known(value, |v| percent(*v))))
-            .collect();
-        format!("{:?}: {}", counters.source, metrics.join(", ")).to_lowercase()
+        let source = format!("{:?}", counters.source).to_lowercase();
+        format!("{source}: {}; {}", metrics(&counters.total), events(&counters.total))
     })
+}
+
+/// Those that are known, and the names of the others; or why there are none.
+fn metrics(counted: &Counted) -> String {
+    let (mut found, mut missing, mut why) = (Vec::new(), Vec::new(), "");
+    for (name, value) in &counted.metrics {
+        let words = name.replace('_', " ");
+        match value.as_result() {
+            // The one that is not a share of anything: see the groups of events.
+            Ok(value) if name == "memory_overhead_perfex" => found.push(format!("{words} {value:.2}")),
+            Ok(value) => found.push(format!("{words} {}", percent(*value))),
+            Err(reason) => {
+                // Any says more than that a group does not offer one.
+                why = if why.is_empty() || why.contains("does not offer") { reason } else { why };
+                missing.push(words);
+            }
+        }
+    }
+    match (found.is_empty(), missing.is_empty()) {
+        (true, _) => format!("no cache metrics ({why})"),
+        (false, true) => found.join(", "),
+        (false, false) => format!("{} (without {})", found.join(", "), missing.join(", ")),
+    }
+}
+
+/// The kernel's events.
+fn events(counted: &Counted) -> String {
+    let names = ["page_faults", "context_switches", "cpu_migrations"];
+    let texts = names.map(|name| {
+        let number = counted.events.get(name).and_then(|event| event.as_result().ok());
+        format!("{} {}", number.map_or("unknown".to_owned(), |n| count(*n)), name.replace('_', " "))
+    });
+    texts.join(", ")
 }
 
 #[cfg(test)]
@@ -164,14 +193,38 @@ counters  unavailable: this machine gives access to no hardware counters
         );
     }
 
-    #[test]
-    fn simulated_figures_say_so() {
+    fn counted(metrics: &[(&str, Known<f64>)]) -> Counted {
+        Counted {
+            metrics: metrics.iter().map(|(name, value)| ((*name).to_owned(), value.clone())).collect(),
+            events: BTreeMap::from([
+                ("page_faults".to_owned(), Known::Value(1234)),
+                ("cpu_migrations".to_owned(), Known::Value(0)),
+            ]),
+        }
+    }
+
+    fn line(source: CounterSource, total: Counted) -> String {
         let mut report = example();
-        let metrics = BTreeMap::from([("l1_hit_rate".to_owned(), Known::Value(0.987))]);
-        let events = BTreeMap::new();
-        report.counters = Known::Value(Counters { source: CounterSource::Simulated, metrics, events });
+        let group = "zen4".to_owned();
+        report.counters = Known::Value(Counters { source, group, total, workers: Vec::new(), leader: None });
         report.result.incomplete = true;
         let text = summary(&report);
-        assert!(text.contains("simulated: l1 hit rate 98.7 %") && text.contains("incomplete"), "{text}");
+        assert!(text.contains("incomplete"), "{text}");
+        text.lines().find(|line| line.starts_with("counters")).unwrap().to_owned()
+    }
+
+    #[test]
+    fn counters_say_whence_they_are_and_what_is_missing() {
+        let none = || Known::unavailable("no PMU: ask for one");
+        let [l1, perfex] =
+            [("l1_hit_rate", Known::Value(0.987)), ("memory_overhead_perfex", Known::Value(1.2))];
+        assert_eq!(
+            line(CounterSource::Hardware, counted(&[l1.clone(), perfex, ("l2_hit_rate", none())])),
+            "counters  hardware: l1 hit rate 98.7 %, memory overhead perfex 1.20 (without l2 hit rate); \
+             1.23 k page faults, unknown context switches, 0 cpu migrations"
+        );
+        assert!(line(CounterSource::Simulated, counted(&[l1])).contains("simulated: l1 hit rate 98.7 %; "));
+        let text = line(CounterSource::Software, counted(&[("l1_hit_rate", none())]));
+        assert!(text.contains("software: no cache metrics (no PMU: ask for one); 1.23 k"), "{text}");
     }
 }

@@ -127,7 +127,7 @@ fn wrong_usage_ends_with_2_says_what_is_available_and_writes_nothing() {
         ("solve box.iv --schedule sequential --pin compact", "leave --pin out or name another schedule"),
         ("solve box.iv --memory near", "available: node, interleave, first-touch, malloc"),
         ("solve box.iv --schedule sequential --memory node", "--schedule sequential runs on one thread"),
-        ("solve box.iv --counters hardware", "--counters hardware: not available"),
+        ("solve box.iv --counters simulated", "--counters simulated: not available in this version"),
         ("solve box.iv --probes p.csv", "--probes-out"),
         ("solve box.iv --probes-out q.csv", "--probes"),
         ("solve box.iv --out a.jpg", "a.jpg: no format is known for the extension .jpg; supported are .glb"),
@@ -218,7 +218,6 @@ fn a_run_writes_its_results_and_the_report_says_what_happened() {
     assert!(report["result"]["error_estimate"].as_f64().unwrap() <= 0.1, "{}", report["result"]);
     assert!(report["result"]["energy_balance"].as_f64().unwrap().abs() < 0.1, "{}", report["result"]);
     assert!(report["work"]["visibility_rays"].as_u64().unwrap() > 0);
-    assert!(report["counters"]["unavailable"].as_str().is_some());
     assert_eq!(options["schedule"], "stealing");
     assert_eq!(report["workers"].as_array().unwrap().len() as u64, options["threads"].as_u64().unwrap());
     let times = &report["time_s"];
@@ -505,4 +504,40 @@ fn gathering_reports_its_iterations_and_links() {
     assert!(links(&report)[2] <= 20 << 10 && err.contains("Allow more with --link-memory"), "{err}");
     let (_, _, err) = solve("--link-memory 20K");
     assert!(err.is_empty(), "auto says nothing: {err}");
+}
+
+#[test]
+fn the_solve_is_counted_and_what_is_not_says_why() {
+    let place = Place::new();
+    let counters = |options: &str| {
+        let (code, out, err) = place.run(&format!("solve box.iv --error 0.3 --report c.json {options}"));
+        assert_eq!((code, err.as_str()), (0, ""), "{options}");
+        (place.json("c.json")["counters"].clone(), out)
+    };
+    for (options, workers) in [("--threads 1", 1), ("--threads 2 --pin none", 2), ("--schedule sequential", 1)] {
+        let (counters, out) = counters(options);
+        assert_eq!(counters["workers"].as_array().unwrap().len(), workers, "{options}");
+        assert_eq!(counters["leader"].is_null(), options.contains("sequential"));
+        assert!(counters["events"]["task_clock_ns"].as_u64().unwrap() > 10_000, "{options}: {counters}");
+        assert!(counters["events"]["page_faults"].as_u64().unwrap() > 0, "{options}: {counters}");
+        for name in ["l1_hit_rate", "l2_hit_rate", "memory_overhead_stalls", "dram_local_share"] {
+            for counted in std::iter::once(&counters).chain(counters["workers"].as_array().unwrap()) {
+                let metric = &counted["metrics"][name];
+                let why = metric["unavailable"].as_str().is_some_and(|why| why.len() > 10);
+                assert!(why || metric.as_f64().is_some_and(|share| share > 0.0), "{options}: {name} {metric}");
+            }
+        }
+        assert!(out.contains(" page faults, ") && out.contains(" cpu migrations"), "{out}");
+    }
+    let (off, out) = counters("--counters off");
+    assert_eq!(off["unavailable"], "switched off by --counters off");
+    assert!(out.contains("counters  unavailable: switched off by --counters off"), "{out}");
+    let (code, _, err) = place.run("solve box.iv --error 0.3 --counters hardware --report h.json");
+    match code {
+        0 => assert_eq!(place.json("h.json")["counters"]["source"], "hardware"),
+        _ => {
+            assert!(code == 1 && err.starts_with("wrad: --counters hardware: "), "{err}");
+            assert!(err.contains("--counters auto") && !place.files().contains(&"h.json".to_owned()), "{err}");
+        }
+    }
 }
