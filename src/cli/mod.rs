@@ -21,6 +21,7 @@ mod processor;
 mod progress;
 mod render;
 mod report;
+mod saved;
 mod solve;
 mod study;
 mod topology;

@@ -14,6 +14,7 @@ use crate::transport::Oracle;
 
 use super::load::Loaded;
 use super::plan::{SolvePlan, Visibility, basis_name};
+use super::saved;
 use super::solve::Solved;
 
 /// The report; `start` is when the program started.
@@ -29,7 +30,7 @@ pub(super) fn of_run(
         machine: Machine::this(),
         scene: SceneFacts::new(&loaded.scene, &loaded.surfaces),
         options: options(plan, solved),
-        work: work(solved),
+        work: work(plan, loaded, solved),
         result: result(solved),
         memory: memory(solved, loaded.occluder.depth()),
         workers: solved.workers.clone(),
@@ -86,7 +87,7 @@ fn options(plan: &SolvePlan, solved: &Solved) -> BTreeMap<String, Value> {
     pairs.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
 }
 
-fn work(solved: &Solved) -> Work {
+fn work(plan: &SolvePlan, loaded: &Loaded, solved: &Solved) -> Work {
     let (outcome, done) = (&solved.outcome, &solved.outcome.work);
     Work {
         interactions: done.interactions,
@@ -94,7 +95,12 @@ fn work(solved: &Solved) -> Work {
         lambert_evaluations: done.lambert_evaluations,
         // Asked, but answered without a test.
         visibility_rays: if solved.unoccluded { 0 } else { done.visibility_rays },
+        interactions_without_rays: match solved.unoccluded {
+            true => done.interactions,
+            false => done.interactions_without_rays,
+        },
         exact_visibilities: done.exact_visibilities,
+        pairs_resolved: done.pairs_resolved,
         pairs_skipped: BTreeMap::from([("behind".to_owned(), done.pairs_behind)]),
         pairs_without_rays: done.pairs_unoccluded,
         transfers_coarse: done.pairs_coarse,
@@ -109,6 +115,7 @@ fn work(solved: &Solved) -> Work {
         links_reused: done.links_reused,
         longest_receivers: outcome.longest_receivers,
         longest_chains: outcome.longest_chains,
+        saved: saved::by_rule(&loaded.scene, &loaded.surfaces, solved, plan.options.direct_only),
     }
 }
 

@@ -217,7 +217,13 @@ fn a_run_writes_its_results_and_the_report_says_what_happened() {
     assert_eq!(report["result"]["incomplete"], false);
     assert!(report["result"]["error_estimate"].as_f64().unwrap() <= 0.1, "{}", report["result"]);
     assert!(report["result"]["energy_balance"].as_f64().unwrap().abs() < 0.1, "{}", report["result"]);
-    assert!(report["work"]["visibility_rays"].as_u64().unwrap() > 0);
+    let work = &report["work"];
+    assert!(work["visibility_rays"].as_u64().unwrap() > 0 && work["pairs_resolved"].as_u64().unwrap() > 0);
+    let behind = &work["saved"]["behind"];
+    assert_eq!((&behind["spared"], &behind["bound"]), (&work["pairs_skipped"]["behind"], &"about".into()));
+    assert!(behind["seconds_estimated"].as_f64().unwrap() > 0.0 && behind["how"].is_string(), "{behind}");
+    assert!(work["saved"]["short_lists"]["seconds_estimated"]["unavailable"].is_string(), "{work}");
+    assert!(out.contains(" per interaction; ") && out.contains("behind ") && out.contains("(estimates)"));
     assert_eq!(options["schedule"], "stealing");
     assert_eq!(report["workers"].as_array().unwrap().len() as u64, options["threads"].as_u64().unwrap());
     let times = &report["time_s"];
@@ -345,7 +351,7 @@ fn grey_and_convex_scenes_cost_less_and_say_so() {
     let (code, out, _) =
         place.run("solve grey.iv --error 0.1 --probes p.csv --probes-out q.csv --report a.json");
     assert_eq!(code, 0);
-    assert!(out.contains("2 of 3 bands, all alike"), "{out}");
+    assert!(out.contains("bands 2 bands, at most ") && out.contains("nothing between "), "{out}");
     let report = place.json("a.json");
     assert_eq!(
         (&report["work"]["bands_computed"], &report["options"]["visibility"]),
@@ -514,7 +520,9 @@ fn the_solve_is_counted_and_what_is_not_says_why() {
         assert_eq!((code, err.as_str()), (0, ""), "{options}");
         (place.json("c.json")["counters"].clone(), out)
     };
-    for (options, workers) in [("--threads 1", 1), ("--threads 2 --pin none", 2), ("--schedule sequential", 1)] {
+    for (options, workers) in
+        [("--threads 1", 1), ("--threads 2 --pin none", 2), ("--schedule sequential", 1)]
+    {
         let (counters, out) = counters(options);
         assert_eq!(counters["workers"].as_array().unwrap().len(), workers, "{options}");
         assert_eq!(counters["leader"].is_null(), options.contains("sequential"));
@@ -524,7 +532,10 @@ fn the_solve_is_counted_and_what_is_not_says_why() {
             for counted in std::iter::once(&counters).chain(counters["workers"].as_array().unwrap()) {
                 let metric = &counted["metrics"][name];
                 let why = metric["unavailable"].as_str().is_some_and(|why| why.len() > 10);
-                assert!(why || metric.as_f64().is_some_and(|share| share > 0.0), "{options}: {name} {metric}");
+                assert!(
+                    why || metric.as_f64().is_some_and(|share| share > 0.0),
+                    "{options}: {name} {metric}"
+                );
             }
         }
         assert!(out.contains(" page faults, ") && out.contains(" cpu migrations"), "{out}");
@@ -537,7 +548,10 @@ fn the_solve_is_counted_and_what_is_not_says_why() {
         0 => assert_eq!(place.json("h.json")["counters"]["source"], "hardware"),
         _ => {
             assert!(code == 1 && err.starts_with("wrad: --counters hardware: "), "{err}");
-            assert!(err.contains("--counters auto") && !place.files().contains(&"h.json".to_owned()), "{err}");
+            assert!(
+                err.contains("--counters auto") && !place.files().contains(&"h.json".to_owned()),
+                "{err}"
+            );
         }
     }
 }

@@ -119,17 +119,19 @@ fn builder(event: &Event) -> Builder<'_> {
 
 /// A reason with its remedy.
 fn explain(error: &io::Error) -> String {
-    let paranoid = std::fs::read_to_string("/proc/sys/kernel/perf_event_paranoid").unwrap_or_default();
     match error.raw_os_error() {
         Some(libc::ENOENT | libc::EOPNOTSUPP | libc::ENODEV) => {
             "this CPU has no such hardware counter, or the virtual machine hides it: ask for a PMU (vPMU, `-cpu host`)"
                 .to_owned()
         }
-        Some(libc::EACCES | libc::EPERM) => format!(
-            "not permitted: perf_event_paranoid is {}; set it to 1 (sysctl kernel.perf_event_paranoid=1), give the \
-             program CAP_PERFMON, and in a container allow the system call perf_event_open",
-            paranoid.trim()
-        ),
+        Some(libc::EACCES | libc::EPERM) => {
+            let paranoid = std::fs::read_to_string("/proc/sys/kernel/perf_event_paranoid");
+            format!(
+                "not permitted: perf_event_paranoid is {}; set it to 1 (sysctl kernel.perf_event_paranoid=1), give the \
+                 program CAP_PERFMON, and in a container allow the system call perf_event_open",
+                paranoid.unwrap_or_default().trim()
+            )
+        }
         Some(libc::ENOSYS) => "this kernel, or the container's filter, has no perf_event_open".to_owned(),
         Some(libc::EINVAL) => "this CPU does not know the event: use the group for its family".to_owned(),
         Some(libc::EMFILE | libc::ENFILE) => "no file descriptors left: raise the limit (ulimit -n)".to_owned(),
