@@ -1,7 +1,6 @@
 //! What the kernel accounts for every thread anyway, read without opening an event: no permission is needed, no counter of the
 //! CPU, and no time to begin. (The first event of a thread that is opened on an idle system takes milliseconds.)
 
-use std::collections::BTreeMap;
 use std::mem::MaybeUninit;
 
 use super::perf::{Count, Counts};
@@ -46,8 +45,8 @@ fn migrations_so_far() -> Result<u64, String> {
     const FILE: &str = "/proc/thread-self/sched";
     let text = std::fs::read_to_string(FILE)
         .map_err(|error| format!("{FILE}: {error}: the kernel was built without CONFIG_SCHED_DEBUG"))?;
-    let fields: BTreeMap<&str, &str> = text.lines().filter_map(|line| line.split_once(':')).collect();
-    let found = fields.iter().find(|(name, _)| name.trim() == "se.nr_migrations");
+    let mut fields = text.lines().filter_map(|line| line.split_once(':'));
+    let found = fields.find(|(name, _)| name.trim() == "se.nr_migrations");
     let number = found.and_then(|(_, value)| value.trim().parse().ok());
     number.ok_or_else(|| format!("{FILE} has no number for se.nr_migrations"))
 }
