@@ -46,7 +46,7 @@ impl Room {
 
     fn solve(&self, basis: Basis, error: f64, batches: Batches, team: Option<&mut Team>) -> Outcome {
         let options = Options { error, basis, oracle: Oracle::Energy, direct_only: false };
-        let schedule = Schedule { team, batches, memory: Memory::Node };
+        let schedule = Schedule { team, batches, memory: Memory::Node, ..Schedule::default() };
         solve_by(schedule, &self.scene, &self.surfaces, &self.bvh, &options, &mut Silent).unwrap()
     }
 

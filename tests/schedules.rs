@@ -49,7 +49,7 @@ impl Room {
     }
 
     fn solve_in(&self, memory: Memory, team: Option<&mut Team>, batches: Batches) -> Outcome {
-        let schedule = Schedule { team, batches, memory };
+        let schedule = Schedule { team, batches, memory, ..Schedule::default() };
         solve_by(schedule, &self.scene, &self.surfaces, &self.bvh, &self.options, &mut Silent).unwrap()
     }
 }

@@ -18,7 +18,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let plan = Plan::new(Machine::this_machine()?.into(), Policy::Compact, None)?;
     let mut team = Team::new(&plan)?;
     let cpu = CpuId::this();
-    let mut counters = Counters::open(&mut team, Group::for_cpu(&cpu)?)?;
+    let mut counters = Counters::open(Some(&mut team), Group::for_cpu(&cpu)?)?;
     let data: PerWorker<ArenaBox<[u64]>> = PerWorker::new(&mut team, |worker| {
         Arena::on_node(worker.node_os()).alloc_slice_with(WORDS, |i| i as u64)
     })?;

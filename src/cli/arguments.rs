@@ -115,7 +115,7 @@ pub struct SolveArguments {
     /// node of the worker that makes them), or malloc (wherever the allocator puts them). Without it: node, and malloc for sequential.
     #[arg(long, value_name = "POLICY")]
     pub memory: Option<String>,
-    /// Cache and memory counters: auto or off.
+    /// Cache and memory counters: auto (what can be counted), hardware (or fail), off.
     #[arg(long, value_name = "SOURCE", default_value = "auto")]
     pub counters: String,
     /// Points to measure at: CSV whose header holds x, y, z, nx, ny, nz.

@@ -5,6 +5,7 @@
 
 mod arguments;
 mod choice;
+mod counting;
 mod error;
 mod files;
 mod generate;
@@ -20,6 +21,7 @@ mod processor;
 mod progress;
 mod render;
 mod report;
+mod saved;
 mod solve;
 mod study;
 mod topology;

@@ -10,6 +10,7 @@ use crate::transport::Oracle;
 
 use super::arguments::{Command, InfoArguments, RenderArguments, SolveArguments};
 use super::choice::{choose, positive};
+use super::counting::Counting;
 use super::generate::GeneratePlan;
 use super::study::StudyPlan;
 use super::topology::TopologyPlan;
@@ -55,8 +56,8 @@ pub struct SolvePlan {
     pub out: Vec<PathBuf>,
     /// Where the report goes.
     pub report: Option<PathBuf>,
-    /// Why there are no counters.
-    pub no_counters: &'static str,
+    /// Whether caches and memory are watched.
+    pub counters: Counting,
     /// Whether to print neither summary nor progress nor warnings.
     pub quiet: bool,
 }
@@ -130,7 +131,6 @@ impl Plan {
 
 impl SolvePlan {
     fn new(arguments: SolveArguments) -> Result<SolvePlan, Error> {
-        only_what_exists(&arguments)?;
         let error = positive("--error", &arguments.accuracy.error, 1.0)?;
         let oracles = [("energy", Oracle::Energy), ("geometry", Oracle::Geometry)];
         let options = Options {
@@ -153,10 +153,6 @@ impl SolvePlan {
         let inputs = [Some(&arguments.scene), arguments.probes.as_ref()];
         let results = arguments.out.iter().chain(&arguments.probes_out).chain(&arguments.report);
         files::check(&paths(inputs.into_iter().flatten()), &paths(results))?;
-        let no_counters = match arguments.counters.as_str() {
-            "off" => "switched off by --counters off",
-            _ => "this version of wrad reads no counters",
-        };
         let (threads, pin) = (arguments.threads.as_deref(), arguments.pin.as_deref());
         Ok(SolvePlan {
             workers: Workers::new(&arguments.schedule, threads, pin)?
@@ -169,7 +165,7 @@ impl SolvePlan {
             probes: arguments.probes.zip(arguments.probes_out),
             out: arguments.out,
             report: arguments.report,
-            no_counters,
+            counters: Counting::new(&arguments.counters)?,
             quiet: arguments.quiet,
         })
     }
@@ -177,11 +173,6 @@ impl SolvePlan {
 
 fn paths<'a>(paths: impl Iterator<Item = &'a PathBuf>) -> Vec<&'a Path> {
     paths.map(PathBuf::as_path).collect()
-}
-
-/// Refuses what the contract of the command line names and this version cannot do.
-fn only_what_exists(arguments: &SolveArguments) -> Result<(), Error> {
-    choose("--counters", &arguments.counters, &[("auto", ()), ("off", ())], &["hardware", "simulated"])
 }
 
 /// The basis that `name`, given to `option`, stands for. `auto` has the functions of M3, which on the three reference scenes takes 0.5 to 1.1 of

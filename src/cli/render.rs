@@ -3,6 +3,7 @@
 use crate::output::{self, solution_file};
 use crate::visibility::{Bvh, Occluder, OpaqueFaces};
 
+use super::counting::Counting;
 use super::load::{Loaded, caster};
 use super::plan::{RenderPlan, RenderSource, Visibility};
 use super::solve::solve;
@@ -22,7 +23,7 @@ pub(super) fn run(plan: &RenderPlan) -> Result<Status, Error> {
         RenderSource::Scene(path, options, workers) => {
             let loaded = Loaded::read(path, Visibility::Auto)?;
             plan.image.check(&loaded.scene).map_err(input)?;
-            let solved = solve(&loaded, options, workers, Visibility::Auto, plan.quiet)?;
+            let solved = solve(&loaded, options, workers, Visibility::Auto, Counting::Off, plan.quiet)?;
             out_of_memory = solved.out_of_memory;
             (solved.outcome.solution, loaded.occluder)
         }

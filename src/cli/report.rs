@@ -14,6 +14,7 @@ use crate::transport::Oracle;
 
 use super::load::Loaded;
 use super::plan::{SolvePlan, Visibility, basis_name};
+use super::saved;
 use super::solve::Solved;
 
 /// The report; `start` is when the program started.
@@ -29,11 +30,11 @@ pub(super) fn of_run(
         machine: Machine::this(),
         scene: SceneFacts::new(&loaded.scene, &loaded.surfaces),
         options: options(plan, solved),
-        work: work(solved),
+        work: work(plan, loaded, solved),
         result: result(solved),
         memory: memory(solved, loaded.occluder.depth()),
         workers: solved.workers.clone(),
-        counters: Known::unavailable(plan.no_counters),
+        counters: solved.counters.clone(),
         time_s: Times {
             load: loaded.load_s,
             build: loaded.build_s,
@@ -76,7 +77,7 @@ fn options(plan: &SolvePlan, solved: &Solved) -> BTreeMap<String, Value> {
         ("threads", json!(plan.workers.count())),
         ("pin", json!(plan.workers.policy())),
         ("memory", json!(plan.workers.memory.to_string())),
-        ("counters", json!("off")),
+        ("counters", json!(plan.counters.name())),
         ("probes", json!(plan.probes.as_ref().map(|(input, _)| path(input)))),
         ("probes_out", json!(plan.probes.as_ref().map(|(_, out)| path(out)))),
         ("out", json!(plan.out.iter().map(|out| path(out)).collect::<Vec<_>>())),
@@ -86,7 +87,7 @@ fn options(plan: &SolvePlan, solved: &Solved) -> BTreeMap<String, Value> {
     pairs.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
 }
 
-fn work(solved: &Solved) -> Work {
+fn work(plan: &SolvePlan, loaded: &Loaded, solved: &Solved) -> Work {
     let (outcome, done) = (&solved.outcome, &solved.outcome.work);
     Work {
         interactions: done.interactions,
@@ -94,7 +95,12 @@ fn work(solved: &Solved) -> Work {
         lambert_evaluations: done.lambert_evaluations,
         // Asked, but answered without a test.
         visibility_rays: if solved.unoccluded { 0 } else { done.visibility_rays },
+        interactions_without_rays: match solved.unoccluded {
+            true => done.interactions,
+            false => done.interactions_without_rays,
+        },
         exact_visibilities: done.exact_visibilities,
+        pairs_resolved: done.pairs_resolved,
         pairs_skipped: BTreeMap::from([("behind".to_owned(), done.pairs_behind)]),
         pairs_without_rays: done.pairs_unoccluded,
         transfers_coarse: done.pairs_coarse,
@@ -109,6 +115,7 @@ fn work(solved: &Solved) -> Work {
         links_reused: done.links_reused,
         longest_receivers: outcome.longest_receivers,
         longest_chains: outcome.longest_chains,
+        saved: saved::by_rule(&loaded.scene, &loaded.surfaces, solved, plan.options.direct_only),
     }
 }
 

@@ -2,12 +2,13 @@
 
 use std::time::Instant;
 
-use crate::output::report::Worker;
+use crate::output::report::{Counters, Known, Worker};
 use crate::output::{self, ImageOptions, OutputKind, units};
 use crate::radiosity::probe::read_probes;
 use crate::schedule::{self, Options, Outcome, Schedule};
 use crate::visibility::{Occluder, Unoccluded, nothing_between};
 
+use super::counting::{self, Counting};
 use super::load::{Loaded, caster};
 use super::plan::{SolvePlan, Visibility};
 use super::probes::Probes;
@@ -25,6 +26,7 @@ pub(super) struct Solved {
     pub direct_s: f64,
     pub interreflection_s: f64,
     pub workers: Vec<Worker>,
+    pub counters: Known<Counters>,
     /// Why the run was stopped for want of memory.
     pub out_of_memory: Option<String>,
 }
@@ -34,7 +36,7 @@ pub(super) fn run(plan: &SolvePlan, start: Instant) -> Result<Status, Error> {
     let probes = plan.probes.as_ref().map(|(input, _)| Probes::read(input)).transpose()?;
     let loaded = Loaded::read(&plan.scene, plan.visibility)?;
     check(plan, probes.as_ref(), &loaded)?;
-    let solved = solve(&loaded, &plan.options, &plan.workers, plan.visibility, plan.quiet)?;
+    let solved = solve(&loaded, &plan.options, &plan.workers, plan.visibility, plan.counters, plan.quiet)?;
     let statistics = &solved.outcome.statistics;
     if plan.warns_of_links && statistics.links_refused && !plan.quiet {
         eprintln!(
@@ -77,12 +79,13 @@ fn check(plan: &SolvePlan, probes: Option<&Probes>, loaded: &Loaded) -> Result<(
 /// Solves a scene, watched: progress on a terminal, Ctrl-C stops it.
 ///
 /// # Errors
-/// [`Error::Failed`]: no team could be started, or one of its workers panicked.
+/// [`Error::Failed`]: no team could be started, one of its workers panicked, or what must be counted cannot be.
 pub(super) fn solve(
     loaded: &Loaded,
     options: &Options,
     workers: &Workers,
     visibility: Visibility,
+    counting: Counting,
     quiet: bool,
 ) -> Result<Solved, Error> {
     if !quiet {
@@ -97,13 +100,19 @@ pub(super) fn solve(
     let nothing = Unoccluded(&*loaded.occluder);
     let occluder: &dyn Occluder = if unoccluded { &nothing } else { &*loaded.occluder };
     let mut team = workers.team()?;
+    let mut counters = counting.open(team.as_mut())?;
     let mut watch = Watch::new(quiet);
     let grey = grey::one_band(&loaded.scene, &loaded.surfaces);
     let (scene, surfaces) = match &grey {
         Some((scene, surfaces)) => (scene, surfaces),
         None => (&loaded.scene, &loaded.surfaces),
     };
-    let schedule = Schedule { team: team.as_mut(), batches: workers.batches, memory: workers.memory };
+    let schedule = Schedule {
+        team: team.as_mut(),
+        batches: workers.batches,
+        memory: workers.memory,
+        counters: counters.as_ref(),
+    };
     let outcome = schedule::solve_by(schedule, scene, surfaces, occluder, options, &mut watch);
     watch.finish();
     // Where there is one node only, nothing is lost.
@@ -122,6 +131,7 @@ pub(super) fn solve(
         direct_s: watch.direct_s,
         interreflection_s: watch.interreflection_s,
         out_of_memory: watch.out_of_memory,
+        counters: counting::told(counters.as_mut()),
         workers: workers::account(team.as_mut(), watch.direct_s + watch.interreflection_s),
     })
 }

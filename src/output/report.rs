@@ -1,6 +1,9 @@
 //! The report of a run (`--report`): one JSON object. A figure that could not be had says so with its
 //! reason, never 0.
 
+mod counters;
+mod saving;
+
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -10,6 +13,8 @@ use serde_json::Value;
 use super::Error;
 use super::machine::Machine;
 use crate::scene::{Finding, Scene};
+pub use counters::{Counted, CounterSource, Counters};
+pub use saving::{Bound, Saving};
 
 /// A value, or `{"unavailable": "why"}`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -66,7 +71,7 @@ pub struct Report {
     pub memory: Memory,
     /// Each worker.
     pub workers: Vec<Worker>,
-    /// Cache and memory behaviour.
+    /// Cache and memory behaviour of the solve.
     pub counters: Known<Counters>,
 }
 
@@ -151,8 +156,12 @@ pub struct Work {
     pub lambert_evaluations: u64,
     /// Segments tested for occlusion.
     pub visibility_rays: u64,
+    /// Interactions for which none was.
+    pub interactions_without_rays: u64,
     /// Visible parts of emitters computed exactly.
     pub exact_visibilities: u64,
+    /// Pairs of surfaces that were resolved, once for each time that one of them shot.
+    pub pairs_resolved: u64,
     /// Pairs of surfaces that needed no transport, by reason.
     pub pairs_skipped: BTreeMap<String, u64>,
     /// Pairs of a receiver and an emitter with nothing in between, which needed no ray.
@@ -182,6 +191,8 @@ pub struct Work {
     pub longest_receivers: f64,
     /// The same for the longest chain of parts that wait for each other, from a receiver down to a leaf: no number of workers is faster.
     pub longest_chains: f64,
+    /// What each rule that skipped something spared.
+    pub saved: BTreeMap<String, Saving>,
 }
 
 /// The solution in numbers.
@@ -275,27 +286,6 @@ impl Default for Worker {
     }
 }
 
-/// Cache and memory behaviour, by the definitions of the design's section 6.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Counters {
-    /// Where the figures come from.
-    pub source: CounterSource,
-    /// Derived figures by name, such as `l1_hit_rate`.
-    pub metrics: BTreeMap<String, Known<f64>>,
-    /// Events by name.
-    pub events: BTreeMap<String, Known<u64>>,
-}
-
-/// Where counters come from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum CounterSource {
-    /// The processor's counters.
-    Hardware,
-    /// A simulated cache.
-    Simulated,
-}
-
 impl Report {
     /// Writes the report as JSON, whole or not at all.
     ///
@@ -346,6 +336,8 @@ pub(super) mod tests {
                 kernel_evaluations: 48_100_000,
                 lambert_evaluations: 1_300_000,
                 visibility_rays: 5_020_000,
+                interactions_without_rays: 430_500,
+                pairs_resolved: 35_000,
                 exact_visibilities: 2_100,
                 pairs_skipped: BTreeMap::from([("behind".to_owned(), 320), ("black".to_owned(), 12)]),
                 pairs_without_rays: 41_000,
@@ -361,6 +353,11 @@ pub(super) mod tests {
                 links_reused: 0,
                 longest_receivers: 0.07,
                 longest_chains: 0.01,
+                saved: BTreeMap::from([
+                    ("behind".to_owned(), Saving::of(320, "pairs", (Bound::About, 0.021, "how"))),
+                    ("empty_shafts".to_owned(), Saving::of(4_100_000, "rays", (Bound::About, 1.72, "how"))),
+                    ("short_lists".to_owned(), Saving::uncertain(3_300_000, "rays", "nobody timed it")),
+                ]),
             },
             result: Outcome {
                 elements: 48_213,

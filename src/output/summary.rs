@@ -1,6 +1,6 @@
 //! The report for people: a dozen aligned lines.
 
-use super::report::{Known, Memory, Report, Times, Work, Worker};
+use super::report::{Counted, Known, Memory, Report, Saving, Times, Work, Worker};
 use super::units::{bytes, count, percent, seconds};
 
 /// What a person wants to know after a run, ending in a line feed.
@@ -18,7 +18,8 @@ pub fn summary(report: &Report) -> String {
         ("energy", known(&result.energy_balance, |b| format!("balance off by {}", percent(*b)))),
         ("elements", format!("{}{each}", count(result.elements))),
         ("work", work(&report.work)),
-        ("skipped", skipped(&report.work, scene.bands.len())),
+        ("rays", rays(&report.work)),
+        ("saved", saved(&report.work)),
         ("memory", self::memory(memory)),
         ("workers", workers(&report.workers)),
         ("counters", counters(report)),
@@ -57,28 +58,32 @@ fn work(work: &Work) -> String {
     )
 }
 
-fn skipped(work: &Work, bands: usize) -> String {
-    let total: u64 = work.pairs_skipped.values().sum();
-    let reasons: Vec<String> =
-        work.pairs_skipped.iter().map(|(reason, n)| format!("{} {reason}", count(*n))).collect();
-    let mut parts = match total {
-        0 => vec!["no pairs".to_owned()],
-        _ => vec![format!("{} pairs: {}", count(total), reasons.join(", "))],
+/// How often none was needed.
+fn rays(work: &Work) -> String {
+    if work.interactions == 0 {
+        return "no interactions".to_owned();
+    }
+    let each = |sum: u64| sum as f64 / work.interactions as f64;
+    let without = percent(each(work.interactions_without_rays));
+    format!("{:.1} per interaction; {without} of interactions without any", each(work.visibility_rays))
+}
+
+/// What each rule spared, the most time first, then what no time is known of.
+fn saved(work: &Work) -> String {
+    let seconds_of = |saving: &Saving| saving.seconds_estimated.as_result().copied().unwrap_or(-1.0);
+    let mut rules: Vec<_> = work.saved.iter().collect();
+    rules.sort_by(|a, b| seconds_of(b.1).total_cmp(&seconds_of(a.1)));
+    let text = |(rule, saving): (&String, &Saving)| {
+        let time = match (saving.bound, saving.seconds_estimated.as_result()) {
+            (Some(bound), Ok(s)) => format!(", {bound} {}", seconds(*s)),
+            _ => String::new(),
+        };
+        format!("{} {} {}{time}", rule.replace('_', " "), count(saving.spared), saving.unit)
     };
-    if work.pairs_clustered > 0 {
-        parts.push(format!(
-            "{} pairs by {} clusters of emitters",
-            count(work.pairs_clustered),
-            count(work.clusters)
-        ));
+    match rules.is_empty() {
+        true => "nothing".to_owned(),
+        false => format!("{} (estimates)", rules.into_iter().map(text).collect::<Vec<_>>().join("; ")),
     }
-    if work.pairs_without_rays > 0 {
-        parts.push(format!("rays of {} pairs with nothing in between", count(work.pairs_without_rays)));
-    }
-    if work.bands_computed < bands as u64 {
-        parts.push(format!("{} of {bands} bands, all alike", bands as u64 - work.bands_computed));
-    }
-    parts.join("; ")
 }
 
 fn known<T>(value: &Known<T>, show: impl Fn(&T) -> String) -> String {
@@ -128,13 +133,42 @@ fn workers(workers: &[Worker]) -> String {
 
 fn counters(report: &Report) -> String {
     known(&report.counters, |counters| {
-        let metrics: Vec<String> = counters
-            .metrics
-            .iter()
-            .map(|(name, value)| format!("{} {}", name.replace('_', " "), known(value, |v| percent(*v))))
-            .collect();
-        format!("{:?}: {}", counters.source, metrics.join(", ")).to_lowercase()
+        let source = format!("{:?}", counters.source).to_lowercase();
+        format!("{source}: {}; {}", metrics(&counters.total), events(&counters.total))
     })
+}
+
+/// Those that are known, and the names of the others; or why there are none.
+fn metrics(counted: &Counted) -> String {
+    let (mut found, mut missing, mut why) = (Vec::new(), Vec::new(), "");
+    for (name, value) in &counted.metrics {
+        let words = name.replace('_', " ");
+        match value.as_result() {
+            // The one that is not a share of anything: see the groups of events.
+            Ok(value) if name == "memory_overhead_perfex" => found.push(format!("{words} {value:.2}")),
+            Ok(value) => found.push(format!("{words} {}", percent(*value))),
+            Err(reason) => {
+                // Any says more than that a group does not offer one.
+                why = if why.is_empty() || why.contains("does not offer") { reason } else { why };
+                missing.push(words);
+            }
+        }
+    }
+    match (found.is_empty(), missing.is_empty()) {
+        (true, _) => format!("no cache metrics ({why})"),
+        (false, true) => found.join(", "),
+        (false, false) => format!("{} (without {})", found.join(", "), missing.join(", ")),
+    }
+}
+
+/// The kernel's events.
+fn events(counted: &Counted) -> String {
+    let names = ["page_faults", "context_switches", "cpu_migrations"];
+    let texts = names.map(|name| {
+        let number = counted.events.get(name).and_then(|event| event.as_result().ok());
+        format!("{} {}", number.map_or("unknown".to_owned(), |n| count(*n)), name.replace('_', " "))
+    });
+    texts.join(", ")
 }
 
 #[cfg(test)]
@@ -156,7 +190,8 @@ unshot    0.120 %
 energy    unavailable: the scene is open
 elements  48.2 k, 312 bytes each
 work      1.23 M interactions, 48.1 M kernel evaluations, 5.02 M visibility rays in 2 passes; 96 shots in 7 batches in the last
-skipped   332 pairs: 320 behind, 12 black; 12.0 k pairs by 700 clusters of emitters; rays of 41.0 k pairs with nothing in between
+rays      4.1 per interaction; 35.0 % of interactions without any
+saved     empty shafts 4.10 M rays, about 1.72 s; behind 320 pairs, about 21.0 ms; short lists 3.30 M rays (estimates)
 memory    132 MiB at most, 13.0 MiB coefficients, 5.00 MiB packets, 2.00 MiB elements; 99.8 % of element pages at home
 workers   2: 95.0 % busy, 4.00 % idle, 1.00 % stealing
 counters  unavailable: this machine gives access to no hardware counters
@@ -164,14 +199,38 @@ counters  unavailable: this machine gives access to no hardware counters
         );
     }
 
-    #[test]
-    fn simulated_figures_say_so() {
+    fn counted(metrics: &[(&str, Known<f64>)]) -> Counted {
+        Counted {
+            metrics: metrics.iter().map(|(name, value)| ((*name).to_owned(), value.clone())).collect(),
+            events: BTreeMap::from([
+                ("page_faults".to_owned(), Known::Value(1234)),
+                ("cpu_migrations".to_owned(), Known::Value(0)),
+            ]),
+        }
+    }
+
+    fn line(source: CounterSource, total: Counted) -> String {
         let mut report = example();
-        let metrics = BTreeMap::from([("l1_hit_rate".to_owned(), Known::Value(0.987))]);
-        let events = BTreeMap::new();
-        report.counters = Known::Value(Counters { source: CounterSource::Simulated, metrics, events });
+        let group = "zen4".to_owned();
+        report.counters = Known::Value(Counters { source, group, total, workers: Vec::new(), leader: None });
         report.result.incomplete = true;
         let text = summary(&report);
-        assert!(text.contains("simulated: l1 hit rate 98.7 %") && text.contains("incomplete"), "{text}");
+        assert!(text.contains("incomplete"), "{text}");
+        text.lines().find(|line| line.starts_with("counters")).unwrap().to_owned()
+    }
+
+    #[test]
+    fn counters_say_whence_they_are_and_what_is_missing() {
+        let none = || Known::unavailable("no PMU: ask for one");
+        let [l1, perfex] =
+            [("l1_hit_rate", Known::Value(0.987)), ("memory_overhead_perfex", Known::Value(1.2))];
+        assert_eq!(
+            line(CounterSource::Hardware, counted(&[l1.clone(), perfex, ("l2_hit_rate", none())])),
+            "counters  hardware: l1 hit rate 98.7 %, memory overhead perfex 1.20 (without l2 hit rate); \
+             1.23 k page faults, unknown context switches, 0 cpu migrations"
+        );
+        assert!(line(CounterSource::Simulated, counted(&[l1])).contains("simulated: l1 hit rate 98.7 %; "));
+        let text = line(CounterSource::Software, counted(&[("l1_hit_rate", none())]));
+        assert!(text.contains("software: no cache metrics (no PMU: ask for one); 1.23 k"), "{text}");
     }
 }

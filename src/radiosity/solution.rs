@@ -39,14 +39,14 @@ pub struct Field {
     pub coefficients: Vec<f64>,
     /// What may be read of each node's leaf, by band; found when first asked for, from when on the field must not change.
     #[serde(skip)]
-    pub limits: Found,
+    pub limits: FieldLimits,
 }
 
 /// The limits of a field once they are found; they follow from the rest of it, and are no difference.
 #[derive(Clone, Debug, Default)]
-pub struct Found(OnceLock<Vec<Limits>>);
+pub struct FieldLimits(OnceLock<Vec<Limits>>);
 
-impl PartialEq for Found {
+impl PartialEq for FieldLimits {
     fn eq(&self, _: &Self) -> bool {
         true
     }
@@ -82,7 +82,7 @@ impl Field {
 
     /// A field of these nodes and coefficients.
     pub fn new(basis: Basis, bands: usize, nodes: Vec<Node>, coefficients: Vec<f64>) -> Self {
-        Self { basis, bands, nodes, coefficients, limits: Found::default() }
+        Self { basis, bands, nodes, coefficients, limits: FieldLimits::default() }
     }
 
     /// Number of leaves.

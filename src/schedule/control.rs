@@ -6,6 +6,7 @@
 //! once, not shot by shot. A coarse target the pilot may meet by itself.
 
 use ccnuma::arena::Memory;
+use ccnuma::counters::Counters;
 use ccnuma::{Team, WorkerPanic};
 
 use crate::math::Basis;
@@ -29,6 +30,9 @@ use super::watch::{Observer, Watch, observed};
 /// Passes after the pilot, at most.
 const MAX_PASSES: usize = 3;
 
+/// The region that a run is counted as.
+pub const COUNTED: &str = "solve";
+
 /// What to solve and how.
 #[derive(Clone, Debug)]
 pub struct Options {
@@ -51,6 +55,8 @@ pub struct Schedule<'t> {
     pub batches: Batches,
     /// Where the elements of each surface live; [`Memory::Node`] is its home. Without a team only [`Memory::FirstTouch`] is heeded.
     pub memory: Memory,
+    /// What counts the run as [`COUNTED`], on the team's workers and the thread that does the rest; without a team, all of it.
+    pub counters: Option<&'t Counters>,
 }
 
 /// A solved scene and how it came about.
@@ -100,10 +106,17 @@ pub fn solve_by(
     observer: &mut dyn Observer,
 ) -> Result<Outcome, WorkerPanic> {
     observed(observer, |watch| {
-        let mut crew = Crew::new(schedule.team, schedule.memory, surfaces)?;
-        let occluders = crew.copy(occluder.bytes(), || occluder.replica())?;
-        let means = Means { batches: schedule.batches, crew: &mut crew, occluders, watch };
-        solve_in_bands(scene, surfaces, None, occluder, options, means)
+        let Schedule { team, batches, memory, counters } = schedule;
+        let solve = |team: Option<&mut Team>| {
+            let mut crew = Crew::new(team, memory, surfaces)?;
+            let occluders = crew.copy(occluder.bytes(), || occluder.replica())?;
+            let means = Means { batches, crew: &mut crew, occluders, watch };
+            solve_in_bands(scene, surfaces, None, occluder, options, means)
+        };
+        match counters {
+            None => solve(team),
+            Some(counters) => counters.span(team, COUNTED, solve)?,
+        }
     })
 }
 

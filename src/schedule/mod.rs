@@ -29,7 +29,7 @@ pub mod walks;
 mod watch;
 
 pub use batch::Batches;
-pub use control::{Options, Outcome, Schedule, solve, solve_by, solve_emitting, solve_recorded};
+pub use control::{COUNTED, Options, Outcome, Schedule, solve, solve_by, solve_emitting, solve_recorded};
 pub use crew::Longest;
 pub use footprint::Footprint;
 pub use parts::Part;

@@ -3,6 +3,7 @@
 use std::time::Instant;
 
 use ccnuma::WorkerPanic;
+use ccnuma::counters::GroupError;
 
 use crate::scene::{Scene, Surface};
 use crate::schedule::record::OtherRun;
@@ -28,9 +29,12 @@ pub enum StudyError {
     /// The observer stopped it.
     #[error("interrupted: a study is whole or not at all, so nothing was written")]
     Interrupted,
-    /// A team could not be started, or counters could not be opened.
+    /// A team could not be started.
     #[error(transparent)]
     Team(#[from] ccnuma::Error),
+    /// The events of this machine's CPU cannot be read from their file.
+    #[error("a mistake in this program: {0}")]
+    Group(#[from] GroupError),
     /// A worker panicked.
     #[error("a mistake in this program: {0}")]
     Panic(#[from] WorkerPanic),

@@ -4,12 +4,12 @@
 //! repetition warms up and does not count. Every run has a team of its own, started before the clock. The base of all speed-ups is the least
 //! median on one thread, whoever reached it.
 
-use ccnuma::counters::{Counters, CpuId, Group, Reading};
+use ccnuma::counters::{Counters, CpuId, Group, Reading, RegionReport};
 use ccnuma::team::Times;
 use ccnuma::{Machine, Plan, Policy, Team};
 use serde::Serialize;
 
-use crate::schedule::{Batches, Observer, Record, Schedule, solve_by, solve_recorded};
+use crate::schedule::{Batches, COUNTED, Observer, Record, Schedule, solve_by, solve_recorded};
 
 use super::replay::{Bound, Model, Replayed, Site, bound, replay};
 use super::run::{Problem, StudyError, timed, whole};
@@ -136,7 +136,7 @@ struct Last {
     elements: u64,
     cost: u64,
     times: Option<Vec<Times>>,
-    metrics: Result<Vec<(String, Reading)>, String>,
+    counted: RegionReport,
 }
 
 /// A record in the making.
@@ -237,13 +237,6 @@ impl Study {
 
     fn measured(&self, entry: &Entry, base_s: f64, predictor: &Predictor<'_>) -> Option<Measured> {
         let (seconds, last) = (Spread::of(&entry.seconds)?, entry.last.as_ref()?);
-        let metric = |name: &str| match &last.metrics {
-            Err(reason) => Reading::Unavailable(reason.clone()),
-            Ok(metrics) => metrics.iter().find(|(known, _)| known == name).map_or_else(
-                || Reading::Unavailable("this CPU's group of events does not offer it".to_owned()),
-                |(_, reading)| reading.clone(),
-            ),
-        };
         let here = Site::new(&self.here, entry.threads).ok();
         let predicted = here.and_then(|site| predictor.predict(entry.name, &site));
         Some(Measured {
@@ -255,9 +248,9 @@ impl Study {
             elements: last.elements,
             cost: last.cost,
             balance: balance(last.times.as_deref()),
-            memory_overhead: metric("memory_overhead_stalls"),
-            l1_hit_rate: metric("l1_hit_rate"),
-            l2_hit_rate: metric("l2_hit_rate"),
+            memory_overhead: last.counted.metric("memory_overhead_stalls"),
+            l1_hit_rate: last.counted.metric("l1_hit_rate"),
+            l2_hit_rate: last.counted.metric("l2_hit_rate"),
         })
     }
 
@@ -342,39 +335,19 @@ impl Entry {
     ) -> Result<(), StudyError> {
         let Problem { scene, surfaces, occluder, options } = problem;
         let batches = self.batches;
-        let mut solve = |team: Option<&mut Team>| {
-            let schedule = Schedule { team, batches, ..Schedule::default() };
-            timed(|| solve_by(schedule, scene, surfaces, occluder, options, watch))
-        };
-        let (outcome, seconds, times, metrics) = if self.on_team {
-            let plan = Plan::new(study.here.clone().into(), study.pin.clone(), Some(self.threads))?;
-            let mut team = Team::new(&plan)?;
-            let group = Group::for_cpu(&CpuId::this()).map_err(|problem| problem.to_string());
-            let counters = group.map(|group| Counters::open(&mut team, group));
-            let (solved, metrics) = match counters {
-                Err(reason) => (solve(Some(&mut team)), Err(reason)),
-                Ok(counters) => {
-                    let mut counters = counters?;
-                    let solved = counters.span(&mut team, "solve", |team| solve(Some(team)))?;
-                    let total = counters.report().total.remove("solve");
-                    (solved, Ok(total.into_iter().flat_map(|region| region.metrics).collect()))
-                }
-            };
-            (solved.0?, solved.1, Some(team.times()), metrics)
-        } else {
-            let (outcome, seconds) = solve(None);
-            (
-                outcome?,
-                seconds,
-                None,
-                Err("counted on teams only; see a schedule with one on 1 thread".to_owned()),
-            )
-        };
+        let plan = |n| Plan::new(study.here.clone().into(), study.pin.clone(), Some(n));
+        let mut team = self.on_team.then(|| Team::new(&plan(self.threads)?)).transpose()?;
+        let mut counters = Counters::open(team.as_mut(), Group::for_cpu(&CpuId::this())?)?;
+        let schedule =
+            Schedule { team: team.as_mut(), batches, counters: Some(&counters), ..Schedule::default() };
+        let (outcome, seconds) = timed(|| solve_by(schedule, scene, surfaces, occluder, options, watch));
+        let (outcome, times) = (outcome?, team.as_mut().map(Team::times));
+        let counted = counters.report().total.remove(COUNTED).unwrap_or_default();
         whole(&outcome)?;
         if counts {
             self.seconds.push(seconds);
             let (elements, cost) = (outcome.elements, outcome.work.cost());
-            self.last = Some(Last { elements, cost, times, metrics });
+            self.last = Some(Last { elements, cost, times, counted });
         }
         Ok(())
     }

@@ -169,6 +169,8 @@ impl<'a, const N: usize, S: Source<N>> Descent<'a, N, S> {
                     if !deviates || split.is_none() =>
                 {
                     scratch.work.interactions += 1;
+                    scratch.work.interactions_without_rays +=
+                        u64::from(visitor.candidates == Candidates::Free);
                     receiver.deposit(&light);
                     deposited.take(self.task.patch, &light, area_m2);
                     deposited.error_squared += error_squared;

@@ -123,6 +123,9 @@ impl<'a, const N: usize> Gather<'a, N> {
             return;
         }
         let how = self.judge(emitter, &geometry, active, candidates, tolerance);
+        if candidates == Candidates::Free {
+            self.scratch.work.sights_free += u64::from(how.taken().count_ones());
+        }
         let ready = Ready::default();
         let mut divided = how.divided;
         // What is recorded, and what rays must tell first, goes point by point; the rest side by side.
@@ -218,10 +221,12 @@ impl<'a, const N: usize> Gather<'a, N> {
         let (from, targets) = (self.points.eye[p], &nodes.eye[..nodes.count]);
         let all = nodes.all();
         self.scratch.work.visibility_rays += nodes.count as u64;
+        self.scratch.work.sights_by_rays += 1;
         match candidates {
             Candidates::Free => all,
             Candidates::Hidden => 0,
             Candidates::List(start, end) => {
+                self.scratch.work.rays_listed += nodes.count as u64;
                 let (faces, list) = (self.occluder.faces(), &mut self.scratch.candidates[start..end]);
                 if let [to] = targets {
                     return is_open(faces, list, from, *to).into();

@@ -124,8 +124,12 @@ impl<const N: usize> Source<N> for Lamp<N> {
                     .any(|f| occluder.faces().blocks(*f, from, to - from)),
                 Candidates::Scene => occluder.blocker(from, to, [points.face, u32::MAX]).is_some(),
             };
-            if candidates != Candidates::Free {
+            if candidates == Candidates::Free {
+                scratch.work.sights_free += 1;
+            } else {
                 scratch.work.visibility_rays += 1;
+                scratch.work.rays_listed += u64::from(matches!(candidates, Candidates::List(..)));
+                scratch.work.sights_by_rays += 1;
                 uncertain[p] += geometry * norm(&self.spectrum);
             }
             if !blocked {

@@ -11,7 +11,7 @@ use super::packet::Shape;
 use super::pair::{COARSE, Oracle, Scratch, Task};
 use super::samples::{MAX_SAMPLES, Projected, SampleRule, SampleRules};
 use super::source::Source;
-use super::stored::{Judged, Links};
+use super::stored::{Kept, Links};
 use crate::math::basis::MAX_FUNCTIONS;
 use crate::math::{Cell, Split, polygon};
 use crate::scene::Frame;
@@ -234,7 +234,7 @@ impl<const N: usize, S: Source<N>> Link<'_, '_, N, S> {
         if self.records {
             let (cell, area_m2) = (self.element.cell, self.element.area_m2);
             let room = self.aim.threshold / link_error.hypot(hidden);
-            let judged = Judged { cell, area_m2, error_w_m: link_error, room };
+            let judged = Kept { cell, area_m2, error_w_m: link_error, room };
             record.note(judged, &self.scratch.recording.rows, rule);
         }
         Found::Verdict(Verdict::Linked { light, error_squared, deviates, record })

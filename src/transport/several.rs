@@ -163,20 +163,22 @@ impl<const N: usize, S: Source<N>> Sorting<'_, N, S> {
         if carried_w_m > COARSE_SHARE * rules.threshold(source) || matches!(rules.oracle, Oracle::Uniform(_))
         {
             sorted.resolved.push(index);
+            scratch.work.pairs_resolved += 1;
             return sorted;
         }
-        let before = scratch.work.cost();
+        let (before, rays) = (scratch.work.cost(), scratch.work.visibility_rays);
         sorted.light_w_m2 = self.sample(source, 0.5 * estimate_w_m2, scratch);
         sorted.span = scratch.work.cost() - before;
-        scratch.work.interactions += 1;
+        self.count(rays, scratch);
         scratch.work.pairs_coarse += 1;
+        scratch.work.coarse_cost += sorted.span;
         sorted.error_squared = self.missed_squared(&sorted.light_w_m2);
         sorted
     }
 
     /// Takes a cluster by a few of its members.
     fn draw(&self, clusters: &Clusters, node: usize, scratch: &mut Scratch) -> Sorted<N> {
-        let (patch, before) = (self.task.patch, scratch.work.cost());
+        let (patch, before, rays) = (self.task.patch, scratch.work.cost(), scratch.work.visibility_rays);
         let mut drawn = [[0.0; N]; DRAWS];
         for ((index, times), light) in clusters.draw(node, patch.surface).into_iter().zip(&mut drawn) {
             let source = &self.sources[index];
@@ -185,8 +187,10 @@ impl<const N: usize, S: Source<N>> Sorting<'_, N, S> {
                 *light = self.sample(source, 0.5 * estimate_w_m2, scratch).map(|e| e * times);
             }
         }
-        scratch.work.interactions += 1;
+        let span = scratch.work.cost() - before;
+        self.count(rays, scratch);
         scratch.work.clusters += 1;
+        scratch.work.clusters_cost += span;
         scratch.work.pairs_clustered += clusters.node(node).len() as u64;
         let light_w_m2 = std::array::from_fn(|n| drawn.iter().map(|light| light[n]).sum());
         // The variance of a sum of draws, and what a constant misses on the receiver, as for one pair.
@@ -195,7 +199,13 @@ impl<const N: usize, S: Source<N>> Sorting<'_, N, S> {
         let square = |light: &[f64; N]| -> f64 { (0..N).map(|n| (light[n] - mean[n]).powi(2)).sum() };
         let variance = draws / (draws - 1.0) * drawn.iter().map(square).sum::<f64>();
         let error_squared = self.area_m2 * self.weight.powi(2) * variance + self.missed_squared(&light_w_m2);
-        Sorted { light_w_m2, error_squared, span: scratch.work.cost() - before, resolved: Vec::new() }
+        Sorted { light_w_m2, error_squared, span, resolved: Vec::new() }
+    }
+
+    /// Counts a transfer; so many rays had been cast before it.
+    fn count(&self, rays: u64, scratch: &mut Scratch) {
+        scratch.work.interactions += 1;
+        scratch.work.interactions_without_rays += u64::from(scratch.work.visibility_rays == rays);
     }
 
     /// The irradiance at the point that stands for the receiver.

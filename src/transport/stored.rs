@@ -60,8 +60,8 @@ struct LinkSource {
     fading: f32,
 }
 
-/// An element's link, as it was judged.
-pub(super) struct Judged {
+/// An element's link to be kept, as it was judged.
+pub(super) struct Kept {
     pub cell: Cell,
     pub area_m2: f64,
     pub error_w_m: f64,
@@ -71,7 +71,7 @@ pub(super) struct Judged {
 
 impl Links {
     /// Notes a link that was found by `rows` at the nodes of a rule.
-    pub(super) fn note(&mut self, judged: Judged, rows: &[Row], rule: &SampleRule) {
+    pub(super) fn note(&mut self, link: Kept, rows: &[Row], rule: &SampleRule) {
         let basis = rule.basis;
         let kept: Vec<&[f64]> = (0..basis.len()).map(|a| rule.projection(a)).collect();
         let nodes = kept[0].len() as f64;
@@ -90,7 +90,7 @@ impl Links {
             self.sources.push(LinkSource { cell: of_cell[0].cell, fading: fading as f32 });
             sources += 1;
         }
-        let Judged { cell, area_m2, error_w_m, room } = judged;
+        let Kept { cell, area_m2, error_w_m, room } = link;
         let limit = room.max(GROWTH.0).min(GROWTH.1);
         let kept = (0..kept.len()).filter(|a| !kept[*a].is_empty()).map(|a| 1 << a).sum();
         self.links.push(Link {

@@ -36,6 +36,14 @@ struct Cpus {
     models: CpuSet,
 }
 
+impl Cpus {
+    fn hold(&self, cpu: &CpuId) -> bool {
+        self.vendor.as_ref().is_none_or(|vendor| {
+            *vendor == cpu.vendor && self.family == cpu.family && self.models.contains(cpu.model as usize)
+        })
+    }
+}
+
 /// A group of events with its metrics and prose.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Group {
@@ -83,19 +91,19 @@ impl Group {
 
     /// The crate's group for a CPU; the generic one where the CPU is not known.
     pub fn for_cpu(cpu: &CpuId) -> Result<Self, GroupError> {
-        let mut groups = Self::builtin()?;
-        let index = groups.iter().position(|group| group.fits(cpu)).unwrap_or(groups.len() - 1);
-        Ok(groups.swap_remove(index))
+        // Only the one is read whole: a program may be over in milliseconds.
+        let cpus = |text: &'static str| {
+            let lines = text.lines().skip_while(|line| *line != "CPUS").skip(1);
+            lines.take_while(|line| *line != "EVENTS").filter_map(|line| parse_cpus(line).ok())
+        };
+        let is_for_it = |(_, text): &&(&str, &'static str)| cpus(text).any(|cpus| cpus.hold(cpu));
+        let (name, text) = BUILTIN.iter().find(is_for_it).unwrap_or(&BUILTIN[BUILTIN.len() - 1]);
+        Self::parse(name, text)
     }
 
     /// Whether the group is for this CPU.
     pub fn fits(&self, cpu: &CpuId) -> bool {
-        self.cpus.iter().any(|cpus| match &cpus.vendor {
-            None => true,
-            Some(vendor) => {
-                *vendor == cpu.vendor && cpus.family == cpu.family && cpus.models.contains(cpu.model as usize)
-            }
-        })
+        self.cpus.iter().any(|cpus| cpus.hold(cpu))
     }
 
     /// All events.

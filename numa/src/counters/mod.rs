@@ -1,18 +1,22 @@
-//! Hardware counters: one set per worker, opened on it, read by named regions, turned into metrics by the formulas of
-//! a group file. What cannot be counted is [`Reading::Unavailable`] with its reason and remedy, never 0.
+//! Hardware counters: one set per worker, opened on it, and one of the thread that leads the team or has none; read by
+//! named regions, turned into metrics by the formulas of a group file. What cannot be counted is
+//! [`Reading::Unavailable`] with its reason and remedy, never 0.
 //!
 //! The kernel may count a batch only part of the time when there are more events than counters; values are then
-//! scaled by enabled over running time, over the same interval. Software events are always tried.
+//! scaled by enabled over running time, over the same interval. What the kernel accounts for each thread is always read.
 
 pub mod cpu;
 pub mod formula;
 pub mod group;
+#[cfg(target_os = "linux")]
+mod kernel;
 #[cfg_attr(not(target_os = "linux"), path = "perf_none.rs")]
 mod perf;
 mod text;
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
+use std::sync::{Mutex, PoisonError};
 
 use serde::Serialize;
 
@@ -51,7 +55,11 @@ impl std::fmt::Display for Reading {
     }
 }
 
-/// One region on one worker, or summed over workers.
+/// What a group's metrics are called, as far as its CPU allows them; hit rates, overheads and shares, in this order.
+pub const METRICS: [&str; 5] =
+    ["l1_hit_rate", "l2_hit_rate", "memory_overhead_stalls", "memory_overhead_perfex", "dram_local_share"];
+
+/// One region on one thread, or summed over threads.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct RegionReport {
     /// How often it was entered.
@@ -62,6 +70,14 @@ pub struct RegionReport {
     pub metrics: BTreeMap<String, Reading>,
 }
 
+impl RegionReport {
+    /// The metric of this name, of [`METRICS`] or the group's own; unavailable where the group does not offer it.
+    pub fn metric(&self, name: &str) -> Reading {
+        let missing = || Reading::Unavailable("this CPU's group of events does not offer it".to_owned());
+        self.metrics.get(name).cloned().unwrap_or_else(missing)
+    }
+}
+
 /// Everything that was counted.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CounterReport {
@@ -69,97 +85,143 @@ pub struct CounterReport {
     pub group: String,
     /// Its one-line description.
     pub description: String,
-    /// Regions by name, summed over the workers.
+    /// Regions by name, summed over the workers; of the leader where there is no team.
     pub total: BTreeMap<String, RegionReport>,
     /// Regions by name, by worker.
     pub workers: Vec<BTreeMap<String, RegionReport>>,
+    /// Regions by name, of the thread that called [`Counters::span`]: it leads the team, or does all where there is none. A leader
+    /// mostly sleeps, too short awake for its CPU to count every batch of events, so its figures are no part of the sums.
+    pub leader: BTreeMap<String, RegionReport>,
 }
 
-/// What one worker counted in one region.
+/// What one thread counted in one region.
 #[derive(Clone, Debug, Default)]
 struct Region {
     entered: u64,
     events: BTreeMap<String, Reading>,
 }
 
+type Regions = BTreeMap<&'static str, Region>;
+
+/// The counters of one worker, and what they counted.
 #[derive(Debug)]
-struct WorkerCounters {
+struct Counted {
     open: RefCell<ThreadCounters>,
-    regions: RefCell<BTreeMap<&'static str, Region>>,
+    regions: RefCell<Regions>,
     /// What stood on the counters when a span began.
     begun: RefCell<Counts>,
 }
 
-/// The counters of a team.
+impl Counted {
+    fn read(&self) -> Counts {
+        self.open.borrow_mut().read()
+    }
+
+    fn book(&self, name: &'static str, before: &Counts) {
+        let after = self.read();
+        self.regions.borrow_mut().entry(name).or_default().add(before, &after);
+    }
+}
+
+/// The counters of a team and the thread that leads it, or of one thread.
 #[derive(Debug)]
 pub struct Counters {
     group: Group,
-    workers: PerWorker<WorkerCounters>,
+    workers: Option<PerWorker<Counted>>,
+    /// What the threads that called [`Self::span`] counted, one at a time.
+    leader: Mutex<Regions>,
 }
 
 impl Counters {
-    /// Has every worker open the group's events for itself.
-    pub fn open(team: &mut Team, group: Group) -> Result<Self, WorkerPanic> {
-        let workers = PerWorker::new(team, |_| WorkerCounters {
+    /// Has every worker of the team, if there is one, open the group's events for itself.
+    pub fn open(team: Option<&mut Team>, group: Group) -> Result<Self, WorkerPanic> {
+        let open = |_: &Worker| Counted {
             open: RefCell::new(ThreadCounters::open(&group)),
             regions: RefCell::default(),
             begun: RefCell::default(),
-        })?;
-        Ok(Self { group, workers })
+        };
+        let workers = team.map(|team| PerWorker::new(team, open)).transpose()?;
+        Ok(Self { group, workers, leader: Mutex::default() })
+    }
+
+    /// Whether some event of the group, which are the CPU's, can be counted; if not, why the first is refused.
+    pub fn hardware(&mut self) -> Result<(), String> {
+        let worker = self.workers.iter_mut().flat_map(PerWorker::iter_mut).next();
+        let refused = match worker {
+            Some(counted) => counted.open.get_mut().refused().clone(),
+            None => ThreadCounters::open(&self.group).refused().clone(),
+        };
+        if self.group.events().any(|event| !refused.contains_key(&event.name)) {
+            return Ok(());
+        }
+        Err(refused
+            .into_values()
+            .next()
+            .unwrap_or_else(|| format!("the group {} has no events", self.group.name)))
     }
 
     /// Counts what the calling worker does in `body`, including tasks it helps with while it waits there. Regions may
-    /// nest; the inner one's counts are part of the outer one's too.
+    /// nest; the inner one's counts are part of the outer one's too. Without its team a worker is not counted.
     pub fn region<R>(&self, worker: &Worker, name: &'static str, body: impl FnOnce() -> R) -> R {
-        let counters = self.workers.local(worker);
-        let before = counters.open.borrow_mut().read();
+        let Some(workers) = &self.workers else { return body() };
+        let counted = workers.local(worker);
+        let before = counted.read();
         let result = body();
-        let after = counters.open.borrow_mut().read();
-        counters.regions.borrow_mut().entry(name).or_default().add(&before, &after);
+        counted.book(name, &before);
         result
     }
 
-    /// Counts what all workers do in `body`, which has the team to itself: the waits of its jobs included.
+    /// Counts what the calling thread and all workers do in `body`, which has the team to itself: the waits of its jobs
+    /// included. The team is that of the counters, if they have one.
     pub fn span<R>(
         &self,
-        team: &mut Team,
+        mut team: Option<&mut Team>,
         name: &'static str,
-        body: impl FnOnce(&mut Team) -> R,
+        body: impl FnOnce(Option<&mut Team>) -> R,
     ) -> Result<R, WorkerPanic> {
-        team.run(|worker| {
-            let counters = self.workers.local(worker);
-            *counters.begun.borrow_mut() = counters.open.borrow_mut().read();
-        })?;
-        let result = body(team);
-        team.run(|worker| {
-            let counters = self.workers.local(worker);
-            let after = counters.open.borrow_mut().read();
-            counters.regions.borrow_mut().entry(name).or_default().add(&counters.begun.borrow(), &after);
-        })?;
+        let mut own = ThreadCounters::open(&self.group);
+        self.on_workers(team.as_deref_mut(), |counted| *counted.begun.borrow_mut() = counted.read())?;
+        let before = own.read();
+        let result = body(team.as_deref_mut());
+        let after = own.read();
+        self.on_workers(team, |counted| counted.book(name, &counted.begun.borrow()))?;
+        let mut leader = self.leader.lock().unwrap_or_else(PoisonError::into_inner);
+        leader.entry(name).or_default().add(&before, &after);
         Ok(result)
     }
 
-    /// What was counted so far, by region and worker.
+    fn on_workers(&self, team: Option<&mut Team>, each: impl Fn(&Counted) + Sync) -> Result<(), WorkerPanic> {
+        if let (Some(team), Some(workers)) = (team, &self.workers) {
+            team.run(|worker| each(workers.local(worker)))?;
+        }
+        Ok(())
+    }
+
+    /// What was counted so far, by region and thread.
     pub fn report(&mut self) -> CounterReport {
+        let leader = self.leader.get_mut().unwrap_or_else(PoisonError::into_inner);
+        let mut sums = Regions::new();
         let mut workers = Vec::new();
-        let mut sums: BTreeMap<&'static str, Region> = BTreeMap::new();
-        for counters in self.workers.iter_mut() {
-            let regions = counters.regions.get_mut();
+        for counted in self.workers.iter_mut().flat_map(PerWorker::iter_mut) {
+            let regions = counted.regions.get_mut();
             for (&name, region) in regions.iter() {
                 sums.entry(name).or_default().merge(region);
             }
             workers.push(report_regions(&self.group, regions));
         }
+        let leader = report_regions(&self.group, leader);
+        let total = if workers.is_empty() { leader.clone() } else { report_regions(&self.group, &sums) };
         CounterReport {
             group: self.group.name.clone(),
             description: self.group.short.clone(),
-            total: report_regions(&self.group, &sums),
+            total,
             workers,
+            leader,
         }
     }
 }
 
-fn report_regions(group: &Group, regions: &BTreeMap<&'static str, Region>) -> BTreeMap<String, RegionReport> {
+fn report_regions(group: &Group, regions: &Regions) -> BTreeMap<String, RegionReport> {
     regions.iter().map(|(&name, region)| (name.to_owned(), region.report(group))).collect()
 }
 
@@ -240,19 +302,21 @@ mod tests {
     fn a_team_counts_its_regions() {
         let plan = Plan::new(Machine::this_machine().unwrap().into(), Policy::Compact, None).unwrap();
         let mut team = Team::new(&plan).unwrap();
-        let mut counters = Counters::open(&mut team, Group::for_cpu(&CpuId::this()).unwrap()).unwrap();
+        let mut counters = Counters::open(Some(&mut team), Group::for_cpu(&CpuId::this()).unwrap()).unwrap();
         team.run(|worker| {
             for _ in 0..3 {
                 counters.region(worker, "fill", || std::hint::black_box(vec![1u8; 8 << 20]).len());
             }
         })
         .unwrap();
-        let length =
-            counters.span(&mut team, "span", |team| team.run(|worker| worker.index()).unwrap().len());
+        let length = counters.span(Some(&mut team), "span", |team| {
+            team.map_or(0, |team| team.run(|worker| worker.index()).unwrap().len())
+        });
         assert_eq!(length.unwrap(), team.len());
         let report = counters.report();
         assert_eq!(report.workers.len(), team.len());
         assert_eq!(report.total["span"].entered, team.len() as u64);
+        assert_eq!((report.leader["span"].entered, report.leader.contains_key("fill")), (1, false));
         let total = &report.total["fill"];
         assert_eq!(total.entered, 3 * team.len() as u64);
         for (name, reading) in total.events.iter().chain(&total.metrics) {
@@ -260,9 +324,29 @@ mod tests {
                 assert!(reason.len() > 10, "{name} gives no reason");
             }
         }
-        if let Reading::Value(nanos) = total.events["task_clock_ns"] {
-            assert!(nanos > 1000.0);
-        }
+        assert!(total.events["task_clock_ns"].value().is_some_and(|nanos| nanos > 1000.0));
         serde_json::to_string(&report).unwrap();
+    }
+
+    #[test]
+    fn a_thread_without_a_team_counts_itself() {
+        let group = Group::for_cpu(&CpuId::default()).unwrap();
+        let mut counters = Counters::open(None, group).unwrap();
+        let sum = counters.span(None, "solve", |team| {
+            assert!(team.is_none());
+            std::hint::black_box(vec![1u8; 8 << 20]).iter().map(|byte| u64::from(*byte)).sum::<u64>()
+        });
+        assert_eq!(sum.unwrap(), 8 << 20);
+        let hardware = counters.hardware();
+        let report = counters.report();
+        assert!(report.workers.is_empty());
+        assert_eq!(report.leader, report.total);
+        let solve = &report.total["solve"];
+        for name in METRICS {
+            if let Err(reason) = &hardware {
+                assert!(solve.metric(name).value().is_none() && reason.len() > 10, "{name}");
+            }
+        }
+        assert!(solve.metric("l2_hit_rate").to_string().contains("does not offer it"), "the generic group");
     }
 }

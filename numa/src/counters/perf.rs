@@ -1,4 +1,4 @@
-//! The kernel's side: batches of events opened by the thread they count, read with the time they really ran.
+//! The CPU's events: batches opened by the thread they count, read with the time they really ran.
 
 use std::collections::BTreeMap;
 use std::io;
@@ -8,18 +8,7 @@ use perf_event::events::Software;
 use perf_event::{Builder, Counter, Group as KernelGroup};
 
 use super::group::{Event, Group};
-
-/// `PERF_TYPE_SOFTWARE`.
-const SOFTWARE: u32 = 1;
-
-/// Events of the kernel, counted with or without a PMU. The flag says whether the kernel's own work must be counted
-/// for the event to mean anything.
-const SOFTWARE_EVENTS: [(&str, u64, bool); 4] = [
-    ("task_clock_ns", 1, false),
-    ("page_faults", 2, false),
-    ("context_switches", 3, true),
-    ("cpu_migrations", 4, true),
-];
+use super::kernel;
 
 /// A count, and for how long (ns) it was wanted and really counted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -50,33 +39,32 @@ impl std::fmt::Debug for ThreadCounters {
 }
 
 impl ThreadCounters {
-    /// Opens a group's events, and the software events, for the calling thread, and starts them. What the kernel
-    /// refuses is remembered with its reason.
+    /// Opens a group's events for the calling thread, and starts them. What the kernel refuses is remembered with its reason.
     pub fn open(group: &Group) -> Self {
         let mut counters = Self { batches: Vec::new(), refused: BTreeMap::new() };
-        for batch in &group.batches {
-            counters.open_batch(batch, false);
-        }
-        for (name, config, needs_kernel) in SOFTWARE_EVENTS {
-            counters.open_batch(&[Event { name: name.to_owned(), kind: SOFTWARE, config }], needs_kernel);
+        for events in &group.batches {
+            match Batch::open(events) {
+                Ok(batch) => counters.batches.push(batch),
+                Err(error) => {
+                    let reason = explain(&error);
+                    let refused = events.iter().map(|event| (event.name.clone(), reason.clone()));
+                    counters.refused.extend(refused);
+                }
+            }
         }
         counters
     }
 
-    fn open_batch(&mut self, events: &[Event], include_kernel: bool) {
-        match Batch::open(events, include_kernel) {
-            Ok(batch) => self.batches.push(batch),
-            Err(error) => {
-                let reason = explain(&error);
-                self.refused.extend(events.iter().map(|event| (event.name.clone(), reason.clone())));
-            }
-        }
+    /// Events that were refused, with the reasons.
+    pub fn refused(&self) -> &BTreeMap<String, String> {
+        &self.refused
     }
 
     /// What was counted since the start.
     pub fn read(&mut self) -> Counts {
         let mut counts: Counts =
             self.refused.iter().map(|(name, reason)| (name.clone(), Err(reason.clone()))).collect();
+        kernel::read(&mut counts);
         for batch in &mut self.batches {
             batch.read(&mut counts);
         }
@@ -85,16 +73,15 @@ impl ThreadCounters {
 }
 
 impl Batch {
-    fn open(events: &[Event], include_kernel: bool) -> io::Result<Self> {
+    fn open(events: &[Event]) -> io::Result<Self> {
+        // A group's placeholder is granted where no event is, and takes milliseconds if it is the system's first.
+        if let Some(first) = events.first() {
+            drop(builder(first).build()?);
+        }
         let mut group = KernelGroup::new()?;
         let mut members = Vec::with_capacity(events.len());
         for event in events {
-            // The kind is replaced at once: the builder knows no raw events.
-            let mut builder = Builder::new().group(&mut group).kind(Software::DUMMY);
-            builder.attrs_mut().type_ = event.kind;
-            builder.attrs_mut().config = event.config;
-            builder.exclude_kernel(!include_kernel);
-            members.push((event.name.clone(), builder.build()?));
+            members.push((event.name.clone(), builder(event).group(&mut group).build()?));
         }
         group.enable()?;
         Ok(Self { group, members })
@@ -120,20 +107,31 @@ impl Batch {
     }
 }
 
+/// The event in user mode.
+fn builder(event: &Event) -> Builder<'_> {
+    // The kind is replaced at once: the builder knows no raw events.
+    let mut builder = Builder::new().kind(Software::DUMMY);
+    builder.attrs_mut().type_ = event.kind;
+    builder.attrs_mut().config = event.config;
+    builder.exclude_kernel(true);
+    builder
+}
+
 /// A reason with its remedy.
 fn explain(error: &io::Error) -> String {
-    let paranoid = std::fs::read_to_string("/proc/sys/kernel/perf_event_paranoid").unwrap_or_default();
     match error.raw_os_error() {
         Some(libc::ENOENT | libc::EOPNOTSUPP | libc::ENODEV) => {
-            "this CPU has no such hardware counter, or the virtual machine hides it: ask for a PMU (vPMU, `-cpu host`) \
-             or use simulated counters"
+            "this CPU has no such hardware counter, or the virtual machine hides it: ask for a PMU (vPMU, `-cpu host`)"
                 .to_owned()
         }
-        Some(libc::EACCES | libc::EPERM) => format!(
-            "not permitted: perf_event_paranoid is {}; set it to 1 (sysctl kernel.perf_event_paranoid=1), give the \
-             program CAP_PERFMON, and in a container allow the system call perf_event_open",
-            paranoid.trim()
-        ),
+        Some(libc::EACCES | libc::EPERM) => {
+            let paranoid = std::fs::read_to_string("/proc/sys/kernel/perf_event_paranoid");
+            format!(
+                "not permitted: perf_event_paranoid is {}; set it to 1 (sysctl kernel.perf_event_paranoid=1), give the \
+                 program CAP_PERFMON, and in a container allow the system call perf_event_open",
+                paranoid.unwrap_or_default().trim()
+            )
+        }
         Some(libc::ENOSYS) => "this kernel, or the container's filter, has no perf_event_open".to_owned(),
         Some(libc::EINVAL) => "this CPU does not know the event: use the group for its family".to_owned(),
         Some(libc::EMFILE | libc::ENFILE) => "no file descriptors left: raise the limit (ulimit -n)".to_owned(),

@@ -15,17 +15,21 @@ pub struct Count {
 /// As on Linux.
 pub type Counts = BTreeMap<String, Result<Count, String>>;
 
-/// The names of the events asked for.
+/// The events asked for, all with this reason.
 #[derive(Debug)]
-pub struct ThreadCounters(Vec<String>);
+pub struct ThreadCounters(BTreeMap<String, String>);
 
 impl ThreadCounters {
     pub fn open(group: &Group) -> Self {
-        Self(group.events().map(|event| event.name.clone()).collect())
+        let reason = || "counters need Linux (perf_event_open)".to_owned();
+        Self(group.events().map(|event| (event.name.clone(), reason())).collect())
+    }
+
+    pub fn refused(&self) -> &BTreeMap<String, String> {
+        &self.0
     }
 
     pub fn read(&mut self) -> Counts {
-        let reason = || Err("counters need Linux (perf_event_open)".to_owned());
-        self.0.iter().map(|name| (name.clone(), reason())).collect()
+        self.0.iter().map(|(name, reason)| (name.clone(), Err(reason.clone()))).collect()
     }
 }

@@ -59,6 +59,7 @@ mod tests {
             description: "any CPU".to_owned(),
             total: [("x".to_owned(), region.clone()), ("y".to_owned(), region)].into(),
             workers: Vec::new(),
+            leader: BTreeMap::new(),
         };
         let text = report.text();
         assert_eq!(text.matches("no PMU").count(), 1, "{text}");
