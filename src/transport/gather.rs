@@ -267,6 +267,8 @@ impl<'a, const N: usize> Gather<'a, N> {
     fn narrow(&mut self, emitter: &EmitterCell<N>, active: u32, candidates: Candidates) -> Candidates {
         match candidates {
             Candidates::Free | Candidates::Hidden => return candidates,
+            // A ray from one point costs less than a shaft around it.
+            Candidates::Scene if active.is_power_of_two() => return candidates,
             Candidates::List(start, end)
                 if (end - start) * (active.count_ones() as usize) < WORTH_A_SHAFT =>
             {
