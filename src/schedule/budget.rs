@@ -15,6 +15,8 @@ use crate::math::Basis;
 
 /// Share of the error that links may use.
 const LINK_SHARE: f64 = 0.97;
+/// What a further pass aims at, as a share of what links may lose: one that misses by a little is followed by a whole one.
+const AIM: f64 = 0.96;
 /// Share of the error that power left unshot may cause.
 const UNSHOT_SHARE: f64 = 0.2;
 /// Share of the error, taken as a deviation at a point, above which a link goes down to elements that others have made.
@@ -77,10 +79,10 @@ impl Budget {
         hopeful.then(|| (wanted / direct_error_w_m).powf(1.0 / self.growth()).clamp(1.0, COARSEST))
     }
 
-    /// What to multiply the threshold by so that link errors fall to what they may be; they fall with this power of it.
+    /// What to multiply the threshold by so that link errors fall to what they may be, and a little below; they fall with this power of it.
     pub fn finer(&self, link_error_w_m: f64, norm_w_m: f64, growth: f64) -> f64 {
-        let allowed = LINK_SHARE * self.target * norm_w_m;
-        (allowed / link_error_w_m).min(1.0).powf(1.0 / growth).max(1e-4)
+        let aim = AIM * LINK_SHARE * self.target * norm_w_m;
+        (aim / link_error_w_m).min(1.0).powf(1.0 / growth).max(1e-4)
     }
 
     /// Link errors grow with this power of the threshold, which depends on the order.
@@ -109,9 +111,9 @@ impl Budget {
         SPREAD * unshot_w * self.gain / self.root_area_m
     }
 
-    /// Whether little enough is left unshot.
-    pub fn shots_suffice(&self, unshot_error_w_m: f64, norm_w_m: f64) -> bool {
-        unshot_error_w_m <= 1.01 * UNSHOT_SHARE * self.target * norm_w_m
+    /// Whether a pass that erred by this much by links and by power left unshot meets the target.
+    pub fn is_met(&self, link_error_w_m: f64, unshot_error_w_m: f64, norm_w_m: f64) -> bool {
+        link_error_w_m.hypot(unshot_error_w_m) <= self.target * norm_w_m
     }
 
     /// The power in W that a pass may leave unshot that may err by `allowed_w_m`.
@@ -144,14 +146,15 @@ mod tests {
             let budget = Budget { target, basis: Basis::M3, gain, root_area_m: 4.0 };
             let (norm, allowed) = (2.5, target * 2.5);
             let unshot = budget.unshot_error_w_m(budget.stop_w(allowed));
-            assert!(budget.shots_suffice(unshot, norm) && !budget.shots_suffice(1.02 * unshot, norm));
             let most = LINK_SHARE * allowed;
             let links = 0.9999 * most;
             assert!(budget.links_suffice(links, norm) && !budget.links_suffice(1.01 * links, norm));
             assert!((links.hypot(unshot) / allowed - 1.0).abs() < 0.01);
+            assert!(budget.is_met(links, unshot, norm) && budget.is_met(allowed, 0.0, norm));
+            assert!(!budget.is_met(links, 1.3 * unshot, norm) && !budget.is_met(1.001 * allowed, 0.0, norm));
             assert_eq!(budget.finer(0.5 * links, norm, budget.growth()), 1.0, "good links stay");
             let finer = budget.finer(3.0 * most, norm, budget.growth());
-            assert!((finer.powf(budget.growth()) * 3.0 - 1.0).abs() < 1e-12);
+            assert!((finer.powf(budget.growth()) * 3.0 - AIM).abs() < 1e-12);
             assert_eq!(budget.coarser(allowed, norm), None);
             assert!(budget.coarser(0.1 * allowed, norm).unwrap() > 1.0);
         }

@@ -269,7 +269,7 @@ impl<'a, const N: usize> Run<'a, N> {
         let mut passes = 1;
         while passes <= MAX_PASSES && !attempt.statistics.interrupted {
             let (links, norm) = (attempt.link_error, attempt.norm);
-            if budget.links_suffice(links, norm) && budget.shots_suffice(attempt.unshot_error, norm) {
+            if budget.is_met(links, attempt.unshot_error, norm) {
                 break;
             }
             threshold *= attempt.statistics.growth;
