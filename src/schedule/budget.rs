@@ -40,6 +40,9 @@ const PILOT: (f64, f64, f64) = (4.0, 0.02, 0.3);
 const PILOT_ONLY: f64 = 0.1;
 /// A pilot whose direct light errs by at most this share of the target is to meet it.
 const HOPEFUL: f64 = 0.7;
+/// A pilot whose direct light errs by more than this many times the target's share of the direct light's norm will not meet it: interreflection
+/// adds to the norm, but errors of its own too.
+const HOPELESS: f64 = 1.2;
 /// How much coarser its links may then become: what coarser ones lose, they do not see.
 const COARSEST: f64 = 4.0;
 
@@ -69,6 +72,13 @@ impl Budget {
     /// Whether a pilot may be all that the target takes.
     pub fn pilot_may_suffice(&self) -> bool {
         self.target >= PILOT_ONLY
+    }
+
+    /// What to multiply the threshold of a pilot that is to meet the target by after its direct light, for that to be computed again; `None`
+    /// where it may do. Interreflection takes many times as long, and would have to be repeated too.
+    pub fn again(&self, direct_error_w_m: f64, norm_w_m: f64) -> Option<f64> {
+        let wanted = self.target * norm_w_m;
+        (direct_error_w_m > HOPELESS * wanted).then(|| (wanted / direct_error_w_m).powf(1.0 / self.growth()))
     }
 
     /// How much coarser the links of a pilot that is to meet the target may become after its direct light, whose error is known; `None`
@@ -155,6 +165,8 @@ mod tests {
             assert_eq!(budget.finer(0.5 * links, norm, budget.growth()), 1.0, "good links stay");
             let finer = budget.finer(3.0 * most, norm, budget.growth());
             assert!((finer.powf(budget.growth()) * 3.0 - AIM).abs() < 1e-12);
+            assert_eq!(budget.again(allowed, norm), None);
+            assert!((budget.again(2.0 * allowed, norm).unwrap().powf(budget.growth()) - 0.5).abs() < 1e-12);
             assert_eq!(budget.coarser(allowed, norm), None);
             assert!(budget.coarser(0.1 * allowed, norm).unwrap() > 1.0);
         }

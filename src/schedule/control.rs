@@ -323,7 +323,7 @@ impl<'a, const N: usize> Run<'a, N> {
     }
 
     /// One pass, which is to err by `error` where the norm is as given. That of a pilot is known by guess only, and of a coarse target put
-    /// right by the direct light found.
+    /// right by the direct light found, which is computed again where it is too coarse for any interreflection to meet the target.
     fn attempt(
         &self,
         trees: &mut [Tree<N>],
@@ -345,6 +345,13 @@ impl<'a, const N: usize> Run<'a, N> {
         let may_suffice = pilot && budget.pilot_may_suffice() && !pass.mixes();
         if may_suffice {
             norm_w_m = reflected_norm(trees, means.crew)?;
+            if let Some(finer) = budget.again(link_error(&statistics), norm_w_m) {
+                threshold_w_m *= finer;
+                let rules = self.rules(threshold_w_m, aim_w_m);
+                let pass = self.pass((&rules, !pilot), (error, norm_w_m), &means.occluders, batches);
+                pass.illuminate_again(trees, means.crew, watch, &mut statistics)?;
+                norm_w_m = reflected_norm(trees, means.crew)?;
+            }
             if let Some(coarser) = budget.coarser(link_error(&statistics), norm_w_m) {
                 threshold_w_m *= coarser;
                 error = budget.target;

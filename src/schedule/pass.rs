@@ -104,22 +104,49 @@ impl<const N: usize> Pass<'_, N> {
         crew: &mut Crew<'_>,
         watch: &Watch,
     ) -> Result<(PassStatistics, Vec<Packet<N>>), WorkerPanic> {
-        let mut statistics = PassStatistics { growth: 1.0, ..PassStatistics::default() };
-        let start = Instant::now();
         watch.stage(Stage::Direct);
         crew.map(trees, |tree| tree.store.is_some(), |tree| tree.store = None)?;
         if !self.lit && crew.plans() {
             let expected = crew.map(trees, |_| true, |tree| self.expected_cost(tree))?;
             crew.expect(expected);
         }
+        let start = Instant::now();
         crew.settle(trees)?;
         let reflected = self.begin(trees, crew)?;
-        self.shoot_known(self.lamps, self.emitters, (0.0, 1.0), trees, crew, watch, &mut statistics)?;
-        statistics.direct = take_work(trees);
-        statistics.first_reflection_w = unshot_w(trees);
-        statistics.direct_s = start.elapsed().as_secs_f64();
-        self.conclude(trees, watch, &mut statistics);
+        let mut statistics = PassStatistics { growth: 1.0, ..PassStatistics::default() };
+        self.light_up(start, trees, crew, watch, &mut statistics)?;
         Ok((statistics, reflected))
+    }
+
+    /// Direct illumination once more, of elements that are there.
+    pub(super) fn illuminate_again(
+        &self,
+        trees: &mut [Tree<N>],
+        crew: &mut Crew<'_>,
+        watch: &Watch,
+        statistics: &mut PassStatistics,
+    ) -> Result<(), WorkerPanic> {
+        let start = Instant::now();
+        crew.settle(trees)?;
+        crew.map(trees, |_| true, Tree::darken)?;
+        self.light_up(start, trees, crew, watch, statistics)
+    }
+
+    /// Direct illumination of dark trees.
+    fn light_up(
+        &self,
+        start: Instant,
+        trees: &mut [Tree<N>],
+        crew: &mut Crew<'_>,
+        watch: &Watch,
+        statistics: &mut PassStatistics,
+    ) -> Result<(), WorkerPanic> {
+        self.shoot_known(self.lamps, self.emitters, (0.0, 1.0), trees, crew, watch, statistics)?;
+        statistics.direct += take_work(trees);
+        statistics.first_reflection_w = unshot_w(trees);
+        statistics.direct_s += start.elapsed().as_secs_f64();
+        self.conclude(trees, watch, statistics);
+        Ok(())
     }
 
     /// Sends what surfaces `reflected` by a first solution, as interreflection; returns how much that is per band, in W.
