@@ -11,6 +11,12 @@ use super::basis::{Basis, MAX_FUNCTIONS, legendre};
 use super::cell::Cell;
 use super::quadrature::gauss;
 
+/// How far points keep off a polygon's edges, as a share of their own distance, and off its corners, as a share of the edge.
+const OFF_EDGES: f64 = 1e-3;
+
+/// Parameters this near to a line lie on it but for rounding.
+const ON_LINE: f64 = 1e-12;
+
 /// Signed area, positive when counter-clockwise.
 pub fn area(polygon: &[DVec2]) -> f64 {
     edges(polygon).map(|(a, b)| a.perp_dot(b)).sum::<f64>() * 0.5
@@ -22,9 +28,13 @@ pub fn edges(polygon: &[DVec2]) -> impl Iterator<Item = (DVec2, DVec2)> + '_ {
     (0..n).map(move |i| (polygon[i], polygon[(i + 1) % n]))
 }
 
-/// The part of `polygon` with `side(p) ≥ 0`, for an affine `side`.
+/// The part of `polygon` with `side(p) ≥ 0`, for an affine `side`. Corners on the line but for rounding count as on it.
 pub fn clip_half_plane(polygon: &[DVec2], side: impl Fn(DVec2) -> f64) -> Vec<DVec2> {
     let mut out = Vec::with_capacity(polygon.len() + 4);
+    let side = |p: DVec2| {
+        let side = side(p);
+        if side.abs() <= ON_LINE { 0.0 } else { side }
+    };
     for (a, b) in edges(polygon) {
         let (da, db) = (side(a), side(b));
         if da >= 0.0 {
@@ -62,17 +72,37 @@ pub fn contains(polygon: &[DVec2], point: DVec2) -> bool {
 pub fn nearest_on_boundary(polygon: &[DVec2], point: DVec2, metric: impl Fn(DVec2) -> f64) -> DVec2 {
     let mut best = (f64::INFINITY, point);
     for (a, b) in edges(polygon) {
-        // Squared length is a quadratic along the edge: its minimum from three values, exact for a linear metric.
-        let (d0, d1, dm) = (metric(a - point), metric(b - point), metric((a + b) * 0.5 - point));
-        let curvature = 2.0 * (d0 - 2.0 * dm + d1);
-        let t = if curvature > 0.0 { ((d0 - d1) / (2.0 * curvature) + 0.5).clamp(0.0, 1.0) } else { 0.0 };
-        let candidate = a + (b - a) * t;
+        let candidate = a + (b - a) * nearest_on_edge((a, b), point, &metric);
         let distance = metric(candidate - point);
         if distance < best.0 {
             best = (distance, candidate);
         }
     }
     best.1
+}
+
+/// How far along an edge the point nearest to `point` lies, from 0 to 1.
+fn nearest_on_edge((a, b): (DVec2, DVec2), point: DVec2, metric: impl Fn(DVec2) -> f64) -> f64 {
+    // Squared length is a quadratic along the edge: its minimum from three values, exact for a linear metric.
+    let (d0, d1, dm) = (metric(a - point), metric(b - point), metric((a + b) * 0.5 - point));
+    let curvature = 2.0 * (d0 - 2.0 * dm + d1);
+    if curvature > 0.0 { ((d0 - d1) / (2.0 * curvature) + 0.5).clamp(0.0, 1.0) } else { 0.0 }
+}
+
+/// A point inside the polygon that is about as near as any to `point` outside of it. It keeps off edges and corners by a thousandth, so that
+/// rounding does not decide on which side of other edges and planes through them it lies; edges that run there and back have no inside. On the
+/// boundary where the polygon is too narrow for that.
+pub fn nearest_inside(polygon: &[DVec2], point: DVec2, metric: impl Fn(DVec2) -> f64) -> DVec2 {
+    let mut best = (f64::INFINITY, None);
+    for (a, b) in edges(polygon) {
+        let foot = a + (b - a) * nearest_on_edge((a, b), point, &metric).clamp(OFF_EDGES, 1.0 - OFF_EDGES);
+        let distance = metric(foot - point);
+        let further = foot + OFF_EDGES * (foot - point);
+        if distance < best.0 && contains(polygon, further) {
+            best = (distance, Some(further));
+        }
+    }
+    best.1.unwrap_or_else(|| nearest_on_boundary(polygon, point, metric))
 }
 
 /// `∫ φ_a` over the polygon given in a cell's own unit square, for every function of `basis`; `[0]` is its signed area.
