@@ -255,4 +255,29 @@ mod tests {
         };
         assert_eq!((share(1.5), share(-0.5)), (Some(1.0), Some(1.0)));
     }
+
+    #[test]
+    fn fragments_are_the_same_whichever_way_corners_on_planes_are_rounded() {
+        // The blocker stands on the eye's horizon and reaches up to the source's plane.
+        let source = rectangle((1.0, -1.0), (3.0, 1.0), 2.0);
+        let fragments = |rounding: [f64; 4]| {
+            let corners = [(-0.5, 0.0), (0.5, 0.0), (0.5, 2.0), (-0.5, 2.0)];
+            let blocker: Vec<DVec3> =
+                corners.iter().zip(rounding).map(|((y, z), up)| DVec3::new(0.9, *y, z + up)).collect();
+            let (mut fragments, source) = (Fragments::default(), source.iter().copied());
+            let down = DVec3::NEG_Z;
+            let blockers = std::iter::once(&blocker[..]);
+            let left = visible_fragments(DVec3::ZERO, DVec3::Z, source, down, blockers, &mut fragments);
+            left.map(|left| left.iter().map(<[DVec3]>::to_vec).collect::<Vec<_>>()).unwrap()
+        };
+        let exact = fragments([0.0; 4]);
+        for up in 0..16 {
+            let rounded = fragments([1, 2, 4, 8].map(|bit| if up & bit != 0 { 1e-15 } else { -1e-15 }));
+            let corners = |all: &[Vec<DVec3>]| all.iter().map(Vec::len).collect::<Vec<_>>();
+            assert_eq!(corners(&rounded), corners(&exact), "{up:b}");
+            for (a, b) in rounded.iter().flatten().zip(exact.iter().flatten()) {
+                assert!(a.distance(*b) < 1e-12, "{up:b}: {rounded:?} and {exact:?}");
+            }
+        }
+    }
 }

@@ -250,6 +250,7 @@ impl Sides {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::DQuat;
 
     fn square(z: f64, half: f64) -> [DVec3; 4] {
         [(-half, -half), (half, -half), (half, half), (-half, half)].map(|(x, y)| DVec3::new(x, y, z))
@@ -265,5 +266,29 @@ mod tests {
         assert!(!shaft.may_hold(&beside), "the hull is 0.75 wide at this height");
         assert!(!shaft.may_hold(&square(-0.5, 0.3)) && !shaft.may_hold(&square(4.5, 0.3)));
         assert!(!shaft.may_hold(&a) && !shaft.may_hold(&b), "the sides themselves only touch");
+    }
+
+    #[test]
+    fn what_lies_beside_is_not_held_however_all_of_it_is_turned() {
+        let (a, b) = (square(0.0, 1.0), square(4.0, 0.5));
+        // Across a corner of the shaft, which each half-space holds a part of, and a little nearer, so that it reaches in.
+        let across = |x: f64| {
+            [(x, -2.0, 1.9), (-2.0, x, 1.9), (-2.0, x, 2.1), (x, -2.0, 2.1)]
+                .map(|(x, y, z)| DVec3::new(x, y, z))
+        };
+        for turn in 0..20 {
+            let turned = |p: DVec3| {
+                DQuat::from_axis_angle(DVec3::new(1.0, 2.0, -1.5).normalize(), 0.31 * f64::from(turn)) * p
+            };
+            let shaft = Shaft::between(
+                &a.map(turned),
+                Some(turned(DVec3::Z)),
+                &b.map(turned),
+                Some(turned(-DVec3::Z)),
+            );
+            // The shaft's corner at height 2 is (-0.75, -0.75), at 1.9 (-0.7625, -0.7625).
+            assert!(!shaft.may_hold(&across(0.46).map(turned)), "turn {turn}");
+            assert!(shaft.may_hold(&across(0.48).map(turned)), "turn {turn}");
+        }
     }
 }
