@@ -11,6 +11,13 @@ use super::basis::{Basis, MAX_FUNCTIONS, legendre};
 use super::cell::Cell;
 use super::quadrature::gauss;
 
+/// How far points keep off a polygon's corners and off its edges, as shares of the edge: inside of all but the sharpest corners.
+const OFF_CORNERS: f64 = 1e-3;
+const OFF_EDGES: f64 = 0.2 * OFF_CORNERS;
+
+/// Parameters this near to a line lie on it but for rounding.
+const ON_LINE: f64 = 1e-12;
+
 /// Signed area, positive when counter-clockwise.
 pub fn area(polygon: &[DVec2]) -> f64 {
     edges(polygon).map(|(a, b)| a.perp_dot(b)).sum::<f64>() * 0.5
@@ -22,9 +29,13 @@ pub fn edges(polygon: &[DVec2]) -> impl Iterator<Item = (DVec2, DVec2)> + '_ {
     (0..n).map(move |i| (polygon[i], polygon[(i + 1) % n]))
 }
 
-/// The part of `polygon` with `side(p) ≥ 0`, for an affine `side`.
+/// The part of `polygon` with `side(p) ≥ 0`, for an affine `side`. Corners on the line but for rounding count as on it.
 pub fn clip_half_plane(polygon: &[DVec2], side: impl Fn(DVec2) -> f64) -> Vec<DVec2> {
     let mut out = Vec::with_capacity(polygon.len() + 4);
+    let side = |p: DVec2| {
+        let side = side(p);
+        if side.abs() <= ON_LINE { 0.0 } else { side }
+    };
     for (a, b) in edges(polygon) {
         let (da, db) = (side(a), side(b));
         if da >= 0.0 {
@@ -62,17 +73,38 @@ pub fn contains(polygon: &[DVec2], point: DVec2) -> bool {
 pub fn nearest_on_boundary(polygon: &[DVec2], point: DVec2, metric: impl Fn(DVec2) -> f64) -> DVec2 {
     let mut best = (f64::INFINITY, point);
     for (a, b) in edges(polygon) {
-        // Squared length is a quadratic along the edge: its minimum from three values, exact for a linear metric.
-        let (d0, d1, dm) = (metric(a - point), metric(b - point), metric((a + b) * 0.5 - point));
-        let curvature = 2.0 * (d0 - 2.0 * dm + d1);
-        let t = if curvature > 0.0 { ((d0 - d1) / (2.0 * curvature) + 0.5).clamp(0.0, 1.0) } else { 0.0 };
-        let candidate = a + (b - a) * t;
+        let candidate = a + (b - a) * nearest_on_edge((a, b), point, &metric);
         let distance = metric(candidate - point);
         if distance < best.0 {
             best = (distance, candidate);
         }
     }
     best.1
+}
+
+/// How far along an edge the point nearest to `point` lies, from 0 to 1.
+fn nearest_on_edge((a, b): (DVec2, DVec2), point: DVec2, metric: impl Fn(DVec2) -> f64) -> f64 {
+    // Squared length is a quadratic along the edge: its minimum from three values, exact for a linear metric.
+    let (d0, d1, dm) = (metric(a - point), metric(b - point), metric((a + b) * 0.5 - point));
+    let curvature = 2.0 * (d0 - 2.0 * dm + d1);
+    if curvature > 0.0 { ((d0 - d1) / (2.0 * curvature) + 0.5).clamp(0.0, 1.0) } else { 0.0 }
+}
+
+/// A point inside a counter-clockwise polygon that is about as near as any to `point` outside of it. It keeps off edges and corners, so that
+/// rounding does not decide on which side of other edges, and of planes through them, it lies; edges that run there and back have no inside.
+/// On the boundary where the polygon is too narrow for that.
+pub fn nearest_inside(polygon: &[DVec2], point: DVec2, metric: impl Fn(DVec2) -> f64) -> DVec2 {
+    let mut best = (f64::INFINITY, None);
+    for (a, b) in edges(polygon) {
+        let along = nearest_on_edge((a, b), point, &metric).clamp(OFF_CORNERS, 1.0 - OFF_CORNERS);
+        let foot = a + (b - a) * along;
+        let distance = metric(foot - point);
+        let inside = foot + (b - a).perp() * OFF_EDGES;
+        if distance < best.0 && contains(polygon, inside) {
+            best = (distance, Some(inside));
+        }
+    }
+    best.1.unwrap_or_else(|| nearest_on_boundary(polygon, point, metric))
 }
 
 /// `∫ φ_a` over the polygon given in a cell's own unit square, for every function of `basis`; `[0]` is its signed area.
@@ -157,5 +189,19 @@ mod tests {
         let near = nearest_on_boundary(&square, DVec2::new(0.3, -2.0), |d| d.length_squared());
         assert!((near - DVec2::new(0.3, 0.0)).length() < 1e-12);
         assert!(contains(&square, DVec2::new(0.3, 0.2)) && !contains(&square, DVec2::new(0.3, 1.2)));
+    }
+
+    #[test]
+    fn a_point_taken_inside_keeps_off_edges_corners_and_what_runs_there_and_back() {
+        // A square whose corner a box stands on, as clipping leaves it: joined by an edge along the bottom and back.
+        let cut = [(0.0, 0.0), (0.4, 0.0), (0.0, 0.4), (0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (1.0, 0.0)]
+            .map(|(x, y)| DVec2::new(x, y));
+        let square = |d: DVec2| d.length_squared();
+        for point in [(0.3, 0.3), (0.9, 0.5), (0.5, -0.1), (0.7, 0.01), (-0.2, -0.2), (0.6, 0.0)] {
+            let inside = nearest_inside(&cut, DVec2::from(point), square);
+            assert!(contains(&cut, inside), "{point:?}: {inside}");
+            assert!((inside.x.min(inside.y)).min(0.4 - inside.x - inside.y) > 1e-6, "{point:?}: {inside}");
+        }
+        assert!(nearest_inside(&cut, DVec2::new(0.3, 0.3), square).distance(DVec2::splat(0.2)) < 1e-3);
     }
 }

@@ -27,6 +27,11 @@ impl Frame {
         self.origin + uv.x * self.u + uv.y * self.v
     }
 
+    /// The squared length in m² of a difference of parameters.
+    pub fn square_m2(&self, d: DVec2) -> f64 {
+        (d.x * self.u + d.y * self.v).length_squared()
+    }
+
     /// The parameters of a point's projection onto the plane.
     pub fn uv(&self, point: DVec3) -> DVec2 {
         let d = point - self.origin;
@@ -60,9 +65,8 @@ pub struct Surface {
 impl Surface {
     /// The point of the polygon's boundary nearest to the parameters `uv`, and how far it is in metres.
     pub fn nearest_on_boundary(&self, uv: DVec2) -> (DVec2, f64) {
-        let square_m2 = |d: DVec2| (d.x * self.frame.u + d.y * self.frame.v).length_squared();
-        let near = polygon::nearest_on_boundary(&self.outline, uv, square_m2);
-        (near, square_m2(near - uv).sqrt())
+        let near = polygon::nearest_on_boundary(&self.outline, uv, |d| self.frame.square_m2(d));
+        (near, self.frame.square_m2(near - uv).sqrt())
     }
 }
 

@@ -2,6 +2,7 @@
 //! from the fragments that blockers leave visible.
 
 use std::cell::OnceCell;
+use std::ops::Range;
 
 use glam::{DVec2, DVec3};
 use wide::f64x4;
@@ -134,6 +135,7 @@ impl<const N: usize> Gather<'_, N> {
         let Candidates::List(start, end) = candidates else { return None };
         let faces = self.occluder.faces();
         self.scratch.work.exact_visibilities += 1;
+        self.sort_by_distance(start..end);
         let (eye, n_x, n_y) = (self.points.eye[p], self.points.normal, self.packet.frame.normal);
         let visible = visible_fragments(
             eye,
@@ -182,6 +184,21 @@ impl<const N: usize> Gather<'_, N> {
             }
         }
         Some((light, whole))
+    }
+
+    /// Sorts candidates by their distance from a point of the bundle's hull that lies on none of its axes of symmetry. Which fragments are
+    /// left hangs on the blockers' order, and rays leave the one in which they were hit.
+    fn sort_by_distance(&mut self, list: Range<usize>) {
+        let (faces, hull) = (self.occluder.faces(), self.points.hull);
+        let weights = [0.43, 0.27, 0.11, 0.19];
+        let (sum, weight) =
+            hull.iter().zip(weights).fold((DVec3::ZERO, 0.0), |(s, w), (p, k)| (s + *p * k, w + k));
+        let from = sum / weight;
+        let distance = |face: &u32| {
+            let corners = faces.vertices(*face);
+            (corners.iter().sum::<DVec3>() / corners.len() as f64).distance_squared(from)
+        };
+        self.scratch.candidates[list].sort_unstable_by(|a, b| distance(a).total_cmp(&distance(b)));
     }
 
     /// The share of a cell's light per band that the rays to these of its nodes find unblocked.

@@ -39,6 +39,9 @@ const SHARPEST: f64 = 1e-6;
 /// A spot that a source lights less than this share of a cell's side away lies between the sample points.
 const SPOT: f64 = 0.125;
 
+/// Cells whose sides differ by more than this are divided across the longer one. Not 3, which rooms of round measures have exactly.
+const SLENDER: f64 = 3.01;
+
 /// Cells are not divided below this extent of the surface's parametrisation.
 const LEAST_EXTENT: f64 = 1.0 / (1 << 20) as f64;
 
@@ -349,9 +352,9 @@ impl<const N: usize, S: Source<N>> Link<'_, '_, N, S> {
     /// Across the longer side of a slender cell, else both.
     fn longer_side(&self) -> Split {
         let (u, v) = self.sides_m();
-        if u > 3.0 * v {
+        if u > SLENDER * v {
             Split::U
-        } else if v > 3.0 * u {
+        } else if v > SLENDER * u {
             Split::V
         } else {
             Split::Both
@@ -415,7 +418,7 @@ impl<'a> Samplings<'a> {
             if let Shape::Part(outline, _) = self.element.shape
                 && !polygon::contains(outline, uv)
             {
-                sampling.eye[p] = frame.point(nearest_inside(outline, uv, frame));
+                sampling.eye[p] = frame.point(polygon::nearest_inside(outline, uv, |d| frame.square_m2(d)));
                 sampling.inside &= !(1 << p);
                 if !extend {
                     sampling.position[p] = sampling.eye[p];
@@ -424,16 +427,6 @@ impl<'a> Samplings<'a> {
         }
         sampling
     }
-}
-
-/// The point of `outline` nearest to `uv` outside of it, a thousandth of the way further in, or towards the mean of its corners, so that it does
-/// not lie on an edge, where rounding decides what it sees.
-fn nearest_inside(outline: &[DVec2], uv: DVec2, frame: &Frame) -> DVec2 {
-    let near =
-        polygon::nearest_on_boundary(outline, uv, |d| (d.x * frame.u + d.y * frame.v).length_squared());
-    let mean = outline.iter().sum::<DVec2>() / outline.len() as f64;
-    let further = [near - uv, mean - near].map(|inwards| near + 1e-3 * inwards);
-    further.into_iter().find(|point| polygon::contains(outline, *point)).unwrap_or(near)
 }
 
 /// The tolerance that loses no more than this of so much light.

@@ -67,9 +67,7 @@ impl<const N: usize> Nodes<N> {
                     let phi = weights.evaluate(local);
                     weight *= (0..weights.len()).map(|a| phi[a] * moments[a]).sum::<f64>();
                     if !polygon::contains(outline, uv) {
-                        let near = polygon::nearest_on_boundary(outline, uv, |d| {
-                            (d.x * frame.u + d.y * frame.v).length_squared()
-                        });
+                        let near = polygon::nearest_inside(outline, uv, |d| frame.square_m2(d));
                         nodes.eye[q] = frame.point(near);
                     }
                 }

@@ -233,14 +233,14 @@ impl<const N: usize, S: Source<N>> Sorting<'_, N, S> {
 }
 
 /// A point of the surface that stands for it: the middle of the parallelogram, or of an outline the mean of its corners, or where that lies
-/// outside, the point of the boundary nearest to it.
+/// outside, a point inside near to it.
 fn middle_of(shape: Shape<&[DVec2]>) -> DVec2 {
     let Shape::Part(outline, _) = shape else { return DVec2::splat(0.5) };
     let mean = outline.iter().sum::<DVec2>() / outline.len() as f64;
     if polygon::contains(outline, mean) {
         mean
     } else {
-        polygon::nearest_on_boundary(outline, mean, |d| d.length_squared())
+        polygon::nearest_inside(outline, mean, |d| d.length_squared())
     }
 }
 

@@ -7,6 +7,9 @@ use glam::DVec3;
 
 /// Corners of a fragment, relative to the eye.
 const MAX_CORNERS: usize = 16;
+/// Heights over a plane below this share of the distance to the emitter's furthest corner count as none: corners that lie on a plane but for
+/// rounding must be cut alike whatever the rounding, or fragments divide, and their light is integrated, differently.
+const LEAST_HEIGHT: f64 = 1e-9;
 /// Fragments, at most; beyond them the caller samples instead.
 const MAX_FRAGMENTS: usize = 48;
 
@@ -58,19 +61,24 @@ impl Polygons {
 }
 
 /// Replaces `inside` by the part of `polygon` with `normal · v ≥ d`, and adds the rest to `outside`; `None` where either has too many corners.
+/// Corners within `margin` of the plane lie on it.
 fn cut(
     polygon: &[DVec3],
-    (normal, d): (DVec3, f64),
+    (normal, d, margin): (DVec3, f64, f64),
     inside: &mut Vec<DVec3>,
     mut outside: Option<&mut Vec<DVec3>>,
 ) -> Option<()> {
     inside.clear();
     let before = outside.as_ref().map_or(0, |outside| outside.len());
     let mut add_outside = |corner: DVec3| outside.iter_mut().for_each(|outside| outside.push(corner));
+    let height = |corner: DVec3| {
+        let height = normal.dot(corner) - d;
+        if height.abs() <= margin { 0.0 } else { height }
+    };
     let mut a = *polygon.last()?;
-    let mut height_a = normal.dot(a) - d;
+    let mut height_a = height(a);
     for &b in polygon {
-        let height_b = normal.dot(b) - d;
+        let height_b = height(b);
         if (height_a > 0.0 && height_b < 0.0) || (height_a < 0.0 && height_b > 0.0) {
             let corner = a + (b - a) * (height_a / (height_a - height_b));
             inside.push(corner);
@@ -108,6 +116,7 @@ pub fn visible_fragments<'a, 'b>(
     left.corners.extend(emitter.map(|p| p - eye));
     left.close()?;
     let d_emitter = n_emitter.dot(*left.corners.first()?);
+    let margin = LEAST_HEIGHT * left.corners.iter().map(|p| p.length_squared()).fold(0.0, f64::max).sqrt();
     if left.corners.len() > MAX_CORNERS {
         return None;
     }
@@ -117,7 +126,7 @@ pub fn visible_fragments<'a, 'b>(
         part.extend(blocker.iter().map(|p| *p - eye));
         for (normal, d) in [(n, 0.0), (n_emitter, d_emitter)] {
             std::mem::swap(whole, part);
-            cut(whole, (normal, d), part, None)?;
+            cut(whole, (normal, d, margin), part, None)?;
             if part.is_empty() {
                 break;
             }
@@ -127,7 +136,7 @@ pub fn visible_fragments<'a, 'b>(
         }
         kept.clear();
         for fragment in left.iter() {
-            subtract(planes, fragment, kept, (&mut *whole, &mut *part))?;
+            subtract((&*planes, margin), fragment, kept, (&mut *whole, &mut *part))?;
         }
         std::mem::swap(left, kept);
         if left.is_empty() {
@@ -145,7 +154,7 @@ fn set_planes(corners: &[DVec3], planes: &mut Vec<DVec3>) -> bool {
     planes.extend((0..corners.len()).map(|i| corners[i].cross(next(i))));
     let area: DVec3 = planes.iter().sum();
     let facing = area.dot(centre);
-    if facing.abs() <= 1e-12 * area.length() * centre.length() {
+    if facing.abs() <= LEAST_HEIGHT * area.length() * centre.length() {
         return false;
     }
     let sign = facing.signum();
@@ -164,12 +173,11 @@ fn set_planes(corners: &[DVec3], planes: &mut Vec<DVec3>) -> bool {
 
 /// Appends the parts of `fragment` outside of the blocker with these planes to `kept`.
 fn subtract(
-    planes: &[DVec3],
+    (planes, margin): (&[DVec3], f64),
     fragment: &[DVec3],
     kept: &mut Polygons,
     (rest, spare): (&mut Vec<DVec3>, &mut Vec<DVec3>),
 ) -> Option<()> {
-    let margin = 1e-12 * fragment[0].length();
     if planes.iter().any(|normal| !reaches(fragment, *normal, margin)) {
         kept.corners.extend_from_slice(fragment);
         return kept.close();
@@ -179,7 +187,7 @@ fn subtract(
     for &normal in planes {
         if reaches(rest, -normal, margin) {
             let start = kept.corners.len();
-            cut(rest, (normal, 0.0), spare, Some(&mut kept.corners))?;
+            cut(rest, (normal, 0.0, margin), spare, Some(&mut kept.corners))?;
             std::mem::swap(rest, spare);
             if kept.corners.len() - start >= 3 {
                 kept.close()?;
@@ -246,5 +254,30 @@ mod tests {
             visible_share(&source, [&blocker[..]].into_iter())
         };
         assert_eq!((share(1.5), share(-0.5)), (Some(1.0), Some(1.0)));
+    }
+
+    #[test]
+    fn fragments_are_the_same_whichever_way_corners_on_planes_are_rounded() {
+        // The blocker stands on the eye's horizon and reaches up to the source's plane.
+        let source = rectangle((1.0, -1.0), (3.0, 1.0), 2.0);
+        let fragments = |rounding: [f64; 4]| {
+            let corners = [(-0.5, 0.0), (0.5, 0.0), (0.5, 2.0), (-0.5, 2.0)];
+            let blocker: Vec<DVec3> =
+                corners.iter().zip(rounding).map(|((y, z), up)| DVec3::new(0.9, *y, z + up)).collect();
+            let (mut fragments, source) = (Fragments::default(), source.iter().copied());
+            let down = DVec3::NEG_Z;
+            let blockers = std::iter::once(&blocker[..]);
+            let left = visible_fragments(DVec3::ZERO, DVec3::Z, source, down, blockers, &mut fragments);
+            left.map(|left| left.iter().map(<[DVec3]>::to_vec).collect::<Vec<_>>()).unwrap()
+        };
+        let exact = fragments([0.0; 4]);
+        for up in 0..16 {
+            let rounded = fragments([1, 2, 4, 8].map(|bit| if up & bit != 0 { 1e-15 } else { -1e-15 }));
+            let corners = |all: &[Vec<DVec3>]| all.iter().map(Vec::len).collect::<Vec<_>>();
+            assert_eq!(corners(&rounded), corners(&exact), "{up:b}");
+            for (a, b) in rounded.iter().flatten().zip(exact.iter().flatten()) {
+                assert!(a.distance(*b) < 1e-12, "{up:b}: {rounded:?} and {exact:?}");
+            }
+        }
     }
 }

@@ -9,6 +9,9 @@ use super::packet::EmitterCell;
 use crate::math::lanes::DVec3x4;
 use crate::scene::Frame;
 
+/// Points no higher over a cell's plane than this share of its size lie in it but for rounding, and see nothing of it.
+const LEAST_HEIGHT: f64 = 1e-9;
+
 /// An emitter cell as seen from four points.
 pub struct Views {
     /// The points that light can reach, as a bit mask; what follows holds for these.
@@ -64,7 +67,8 @@ impl Geometry {
         let (cos_x, cos_y) = ((ahead / gap).fast_min(f64x4::ONE), above / gap);
         let square = f64x4::splat(PI * 0.5) * (distance * distance + gap * gap);
         Views {
-            seen: (above.simd_gt(f64x4::ZERO) & ahead.simd_gt(f64x4::ZERO)).to_bitmask(),
+            seen: (above.simd_gt(f64x4::splat(LEAST_HEIGHT * self.size)) & ahead.simd_gt(f64x4::ZERO))
+                .to_bitmask(),
             ratio: size / distance,
             nearest: size / gap,
             form_factor: (cos_x * cos_y * area_m2 / (square + area_m2)).fast_min(f64x4::ONE),

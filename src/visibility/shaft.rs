@@ -12,6 +12,11 @@ use crate::math::lanes::{DVec3x4, LANES};
 /// The most planes a shaft keeps: two per edge of each side and the planes of both sides.
 const MAX_PLANES: usize = 18;
 
+/// Polygons of at most so many corners are cut by the planes.
+const MAX_CUT: usize = 8;
+/// Corners that one may have while it is cut.
+const MAX_CORNERS: usize = MAX_CUT + MAX_PLANES;
+
 /// A convex region given by half-spaces `n·x ≤ d`, and its box.
 #[derive(Clone, Debug)]
 pub struct Shaft {
@@ -59,25 +64,79 @@ impl Shaft {
     }
 
     fn planes(&self) -> impl Iterator<Item = (DVec3, f64)> {
-        (0..self.count).map(|i| {
-            let (DVec3x4(n), d) = &self.planes[i / LANES];
-            let lane = |lanes: &f64x4| lanes.to_array()[i % LANES];
-            (DVec3::new(lane(&n[0]), lane(&n[1]), lane(&n[2])), lane(d))
-        })
+        (0..self.count).map(|i| self.plane(i))
     }
 
-    /// Whether a convex or concave polygon may reach into the shaft; `false` is certain. One that only touches it does not reach in.
+    fn plane(&self, i: usize) -> (DVec3, f64) {
+        let (DVec3x4(n), d) = &self.planes[i / LANES];
+        let lane = |lanes: &f64x4| lanes.to_array()[i % LANES];
+        (DVec3::new(lane(&n[0]), lane(&n[1]), lane(&n[2])), lane(d))
+    }
+
+    /// Whether a convex or concave polygon may reach into the shaft; `false` is certain. One that only touches it does not reach in. Of polygons
+    /// of few corners it is told exactly, so that the answer does not turn with the axes, as that of boxes does.
     pub fn may_hold(&self, polygon: &[DVec3]) -> bool {
-        self.planes[..self.count.div_ceil(LANES)].iter().all(|(n, d)| {
-            let mut reached = f64x4::ZERO;
-            polygon.iter().any(|v| {
-                reached |= n.dot(&DVec3x4::splat(*v)).simd_lt(*d);
-                reached.all()
-            })
-        }) && (0..3).all(|axis| {
+        // Half-spaces that cut the polygon, and corners outside of one or another; of a polygon of few corners.
+        let (mut cutting, mut outside) = (0u32, 0u32);
+        for (group, (n, d)) in self.planes[..self.count.div_ceil(LANES)].iter().enumerate() {
+            let mut reached = 0;
+            for (i, v) in polygon.iter().enumerate() {
+                let inside = n.dot(&DVec3x4::splat(*v)).simd_lt(*d).to_bitmask();
+                reached |= inside;
+                let beyond = !inside & 0b1111;
+                cutting |= beyond << (LANES * group);
+                outside |= u32::from(beyond != 0) << (i % MAX_CUT);
+                if reached == 0b1111 && polygon.len() > MAX_CUT {
+                    break;
+                }
+            }
+            if reached != 0b1111 {
+                return false;
+            }
+        }
+        let in_box = (0..3).all(|axis| {
             polygon.iter().any(|v| v[axis] <= self.high[axis])
                 && polygon.iter().any(|v| v[axis] >= self.low[axis])
-        })
+        });
+        let cutting = cutting & ((1 << self.count) - 1);
+        in_box
+            && (polygon.len() > MAX_CUT
+                || outside.count_ones() < polygon.len() as u32
+                || self.leaves(polygon, cutting))
+    }
+
+    /// Whether these half-spaces together leave something of a polygon of at most [`MAX_CUT`] corners.
+    fn leaves(&self, polygon: &[DVec3], cutting: u32) -> bool {
+        let mut buffers = [[DVec3::ZERO; MAX_CORNERS]; 2];
+        let [part, whole] = &mut buffers;
+        let (mut part, mut whole) = (part, whole);
+        let mut count = polygon.len();
+        part[..count].copy_from_slice(polygon);
+        for plane in (0..self.count).filter(|plane| cutting >> plane & 1 != 0) {
+            let (n, d) = self.plane(plane);
+            std::mem::swap(&mut part, &mut whole);
+            let corners = &whole[..count];
+            let Some(mut a) = corners.last().copied() else { return false };
+            let mut depth_a = d - n.dot(a);
+            count = 0;
+            for b in corners.iter().copied() {
+                // Each edge gives two corners at most.
+                if count + 2 > MAX_CORNERS {
+                    return true;
+                }
+                let depth_b = d - n.dot(b);
+                if (depth_a > 0.0) != (depth_b > 0.0) {
+                    part[count] = a + (b - a) * (depth_a / (depth_a - depth_b));
+                    count += 1;
+                }
+                if depth_b > 0.0 {
+                    part[count] = b;
+                    count += 1;
+                }
+                (a, depth_a) = (b, depth_b);
+            }
+        }
+        count > 0
     }
 
     /// The shaft's sides in single precision, for boxes told from `centre` whose greatest coordinate is `extent`.
@@ -191,6 +250,7 @@ impl Sides {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::DQuat;
 
     fn square(z: f64, half: f64) -> [DVec3; 4] {
         [(-half, -half), (half, -half), (half, half), (-half, half)].map(|(x, y)| DVec3::new(x, y, z))
@@ -206,5 +266,29 @@ mod tests {
         assert!(!shaft.may_hold(&beside), "the hull is 0.75 wide at this height");
         assert!(!shaft.may_hold(&square(-0.5, 0.3)) && !shaft.may_hold(&square(4.5, 0.3)));
         assert!(!shaft.may_hold(&a) && !shaft.may_hold(&b), "the sides themselves only touch");
+    }
+
+    #[test]
+    fn what_lies_beside_is_not_held_however_all_of_it_is_turned() {
+        let (a, b) = (square(0.0, 1.0), square(4.0, 0.5));
+        // Across a corner of the shaft, which each half-space holds a part of, and a little nearer, so that it reaches in.
+        let across = |x: f64| {
+            [(x, -2.0, 1.9), (-2.0, x, 1.9), (-2.0, x, 2.1), (x, -2.0, 2.1)]
+                .map(|(x, y, z)| DVec3::new(x, y, z))
+        };
+        for turn in 0..20 {
+            let turned = |p: DVec3| {
+                DQuat::from_axis_angle(DVec3::new(1.0, 2.0, -1.5).normalize(), 0.31 * f64::from(turn)) * p
+            };
+            let shaft = Shaft::between(
+                &a.map(turned),
+                Some(turned(DVec3::Z)),
+                &b.map(turned),
+                Some(turned(-DVec3::Z)),
+            );
+            // The shaft's corner at height 2 is (-0.75, -0.75), at 1.9 (-0.7625, -0.7625).
+            assert!(!shaft.may_hold(&across(0.46).map(turned)), "turn {turn}");
+            assert!(shaft.may_hold(&across(0.48).map(turned)), "turn {turn}");
+        }
     }
 }

@@ -80,13 +80,6 @@ impl Case {
         self
     }
 
-    /// The last demand falls short today, but not of `bound`.
-    pub fn today(mut self, bound: f64, cause: &'static str) -> Self {
-        let demand = self.demands.last_mut().expect("a demand to fall short of");
-        (demand.today, demand.cause) = (bound, cause);
-        self
-    }
-
     /// All demands fall short today, but not of `bound`.
     pub fn all_today(mut self, bound: f64, cause: &'static str) -> Self {
         self.demands.iter_mut().for_each(|demand| (demand.today, demand.cause) = (bound, cause));
