@@ -33,13 +33,12 @@ const REFLECTED: (f64, f64) = (0.4, 0.13);
 /// Below one percent, errors that no sample shows (contacts, thin shadows) fall slower than those of links: the calibration grows with this
 /// power of the target under 0.01.
 const UNSEEN_GROWTH: f64 = 0.25;
-/// Above three percent, links of M2 and M3 are so coarse that their sample points miss a part of what they lose: the calibration grows with this
-/// power of the target over 0.03 (on the reference scenes estimates at 0.1 were 0.79 to 0.84 of the true error in M3).
-const COARSE_GROWTH: f64 = 0.22;
+/// Where the pilot may be all, many shots, each projected for itself, sum up to so many times more than their links show in M2 and M3 (on the
+/// reference scenes their estimates at 0.1 were 0.79 to 0.84 of the true error).
+const SHOT_BY_SHOT: f64 = 1.3;
 /// A pilot may err by so many times the target, within these limits.
 const PILOT: (f64, f64, f64) = (4.0, 0.02, 0.3);
-/// A target at or above this may be met by the pilot. Finer ones want a pass that carries every surface's light once: many shots, each
-/// projected for itself, sum up to more than their links show.
+/// A target at or above this may be met by the pilot. Finer ones want a pass that carries every surface's light once.
 const PILOT_ONLY: f64 = 0.1;
 /// A pilot whose direct light errs by at most this share of the target is to meet it.
 const HOPEFUL: f64 = 0.7;
@@ -110,12 +109,9 @@ impl Budget {
     /// What links whose squared errors sum up to this in W²/m² come to in the solution.
     pub fn link_error_w_m(&self, error_squared: f64) -> f64 {
         let unseen = (0.01 / self.target).max(1.0).powf(UNSEEN_GROWTH);
-        let coarse = match self.basis {
-            Basis::Haar => 1.0,
-            Basis::M2 | Basis::M3 | Basis::Auto => (self.target / 0.03).max(1.0).powf(COARSE_GROWTH),
-        };
+        let shots = if self.pilot_may_suffice() && self.basis != Basis::Haar { SHOT_BY_SHOT } else { 1.0 };
         let reflected = (REFLECTED.0 * self.gain.sqrt()).hypot(REFLECTED.1 * self.gain);
-        LINK_CALIBRATION * reflected.hypot(1.0) * unseen * coarse * error_squared.sqrt()
+        LINK_CALIBRATION * reflected.hypot(1.0) * unseen * shots * error_squared.sqrt()
     }
 
     /// Whether link errors are small enough.
