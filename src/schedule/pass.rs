@@ -104,13 +104,13 @@ impl<const N: usize> Pass<'_, N> {
         crew: &mut Crew<'_>,
         watch: &Watch,
     ) -> Result<(PassStatistics, Vec<Packet<N>>), WorkerPanic> {
+        let start = Instant::now();
         watch.stage(Stage::Direct);
         crew.map(trees, |tree| tree.store.is_some(), |tree| tree.store = None)?;
         if !self.lit && crew.plans() {
             let expected = crew.map(trees, |_| true, |tree| self.expected_cost(tree))?;
             crew.expect(expected);
         }
-        let start = Instant::now();
         crew.settle(trees)?;
         let reflected = self.begin(trees, crew)?;
         let mut statistics = PassStatistics { growth: 1.0, ..PassStatistics::default() };
