@@ -33,6 +33,10 @@ const POINT_NOISE: f64 = 5.0;
 /// Light that carries at most this many thresholds is sampled at few points and projected on few functions, as long as that suffices.
 const MODEST: f64 = 8.0;
 
+/// How much brighter than the light expected a point may be before the element is looked at again by what was found: tolerances are shares of
+/// the light, few points are brighter, and another look costs as much as the first.
+const BRIGHTER: f64 = 2.0;
+
 /// The sharpest relative tolerance of a look.
 const SHARPEST: f64 = 1e-6;
 
@@ -163,27 +167,24 @@ impl<const N: usize, S: Source<N>> Link<'_, '_, N, S> {
         let allowance = Allowance { point_w_m2, strict_w_m2, hideable, forced, divided };
         let samplings = self.samplings;
         // What nothing shades costs no rays, and must be smooth in the sum over sources.
-        if candidates != Candidates::Free && !forced {
-            if weight * estimate <= MODEST * self.aim.threshold {
-                let tolerance = Tolerance { relative: SHARPEST, absolute_w_m2: strict_w_m2 };
-                let rule = &self.task.rules.samples.modest;
-                let sampling = samplings.modest(self.aim.extend);
-                if let Found::Verdict(verdict) = self.look_at((rule, sampling), &allowance, tolerance) {
-                    return verdict;
-                }
-            } else if divided {
-                // Its parts cost less than a look at the whole.
-                return Verdict::Down;
-            } else {
-                let unseen = 0.7 * hideable * self.glance(&middle, estimate);
-                if weight * unseen > self.aim.threshold {
-                    return Verdict::Rough(self.longer_side());
-                }
+        let shaded = candidates != Candidates::Free && !forced;
+        let modest = weight * estimate <= MODEST * self.aim.threshold;
+        if shaded && modest {
+            let tolerance = Tolerance { relative: SHARPEST, absolute_w_m2: strict_w_m2 };
+            let rule = &self.task.rules.samples.modest;
+            let sampling = samplings.modest(self.aim.extend);
+            if let Found::Verdict(verdict) = self.look_at((rule, sampling), &allowance, tolerance) {
+                return verdict;
             }
+        } else if shaded && divided {
+            // Its parts cost less than a look at the whole.
+            return Verdict::Down;
         }
-        // A first look, only as sharp as it takes to see that the element must be divided; most need not be.
-        let mut tolerance =
-            Tolerance { relative: COARSE, absolute_w_m2: (COARSE * estimate).max(strict_w_m2) };
+        let full_w_m2 = self.glance(&middle, estimate);
+        if shaded && !modest && weight * 0.7 * hideable * full_w_m2 > self.aim.threshold {
+            return Verdict::Rough(self.longer_side());
+        }
+        let mut tolerance = sharp(strict_w_m2, full_w_m2);
         let samples = &self.task.rules.samples;
         let mut lean = samples.lean.as_ref().filter(|_| candidates == Candidates::Free && !forced);
         loop {
@@ -215,11 +216,10 @@ impl<const N: usize, S: Source<N>> Link<'_, '_, N, S> {
         let look = self.look(rule, sampling, tolerance);
         let root_area = self.element.area_m2.sqrt();
         let link_error = root_area * look.error;
-        let sharp = tolerance.absolute_w_m2.max(tolerance.relative * look.light)
-            <= 1.001 * allowance.strict_w_m2
-            || tolerance.relative <= SHARPEST;
+        let lost_w_m2 = tolerance.absolute_w_m2.max(tolerance.relative * look.light);
+        let sharp = lost_w_m2 <= BRIGHTER * allowance.strict_w_m2 || tolerance.relative <= SHARPEST;
         // What the look may be wrong by must not divide the element.
-        let noise_w_m2 = if sharp { 0.0 } else { self.weight * tolerance.absolute_w_m2 };
+        let noise_w_m2 = if sharp { 0.0 } else { self.weight * lost_w_m2 };
         let hidden = rule.unseen * allowance.hideable * root_area * look.unseen;
         let most = rule.trusted * self.aim.threshold + root_area * noise_w_m2;
         if !allowance.forced && link_error.hypot(hidden) > most {
