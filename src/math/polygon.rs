@@ -4,6 +4,8 @@
 //! polygon in pieces it leaves them joined by edges that run there and back along the clip line, which cancel in every contour
 //! integral taken here and in Lambert's formula.
 
+use std::borrow::Cow;
+
 use glam::DVec2;
 use wide::f64x4;
 
@@ -51,10 +53,18 @@ pub fn clip_half_plane(polygon: &[DVec2], side: impl Fn(DVec2) -> f64) -> Vec<DV
 /// The part of `polygon` inside `cell`, in the same coordinates; empty where they do not overlap.
 pub fn clip_to_cell(polygon: &[DVec2], cell: &Cell) -> Vec<DVec2> {
     let (low, high) = (cell.low, cell.low + cell.size);
-    let mut out = clip_half_plane(polygon, |p| p.x - low.x);
-    out = clip_half_plane(&out, |p| high.x - p.x);
-    out = clip_half_plane(&out, |p| p.y - low.y);
-    clip_half_plane(&out, |p| high.y - p.y)
+    let mut part = Cow::Borrowed(polygon);
+    let mut clip = |side: &dyn Fn(DVec2) -> f64| {
+        // Most polygons lie on one side of most lines.
+        if part.iter().any(|p| side(*p) < 0.0) {
+            part = Cow::Owned(clip_half_plane(&part, side));
+        }
+    };
+    clip(&|p| p.x - low.x);
+    clip(&|p| high.x - p.x);
+    clip(&|p| p.y - low.y);
+    clip(&|p| high.y - p.y);
+    part.into_owned()
 }
 
 /// Whether `point` lies inside, by the even–odd rule.

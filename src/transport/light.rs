@@ -198,7 +198,8 @@ impl<const N: usize> Gather<'_, N> {
             let corners = faces.vertices(*face);
             (corners.iter().sum::<DVec3>() / corners.len() as f64).distance_squared(from)
         };
-        self.scratch.candidates[list].sort_unstable_by(|a, b| distance(a).total_cmp(&distance(b)));
+        // Bits of numbers that are not negative are in their order.
+        self.scratch.candidates[list].sort_by_cached_key(|face| distance(face).to_bits());
     }
 
     /// The share of a cell's light per band that the rays to these of its nodes find unblocked.
