@@ -1,7 +1,8 @@
 //! The reference scenes against irradiance from an unrelated Monte Carlo code (1,048,576 paths a probe, standard errors of 0.06 to
-//! 0.085 %): `RMS |E − E_ref| / RMS E_ref` over all probes and bands, and the honesty of the estimate.
+//! 0.085 %): `RMS |E − E_ref| / RMS E_ref` over all probes and bands, and the honesty of the estimate. In the gallery, whose reference is off
+//! (`results/accuracy`), what `tests/tracing.rs` finds.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 use wavelet_radiosity::math::Basis;
@@ -17,6 +18,13 @@ fn deviation(name: &str, basis: Basis, error: f64) -> (f64, f64, u64) {
     (rms, outcome.solution.error_estimate, outcome.work.cost())
 }
 
+/// The file of what is true at the probes of a scene.
+fn true_probes(name: &str) -> PathBuf {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let traced = root.join(format!("tests/data/{name}.traced.csv"));
+    if traced.exists() { traced } else { root.join(format!("scenes/{name}.probes.csv")) }
+}
+
 /// Solves a scene of `scenes/`; returns the RMS deviation at the probes beside what came of it.
 fn solved(name: &str, basis: Basis, error: f64) -> (f64, Outcome) {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
@@ -25,10 +33,9 @@ fn solved(name: &str, basis: Basis, error: f64) -> (f64, Outcome) {
     let bvh = Bvh::new(OpaqueFaces::new(&scene));
     let options = Options { error, basis, oracle: Oracle::Energy, direct_only: false };
     let outcome = solve(&scene, &surfaces, &bvh, &options, &mut Silent);
-    let path = root.join(format!("scenes/{name}.probes.csv"));
     let mut probes = Vec::new();
     let mut truth = Vec::new();
-    for row in csv::Reader::from_path(path).unwrap().records() {
+    for row in csv::Reader::from_path(true_probes(name)).unwrap().records() {
         let row = row.unwrap();
         let at = |i: usize| row[i].parse::<f64>().unwrap();
         probes.push(Probe {
@@ -132,5 +139,6 @@ fn m3_at_three_per_mille_on_the_cornell_box() {
 
 #[test]
 fn m3_at_three_per_mille_in_the_gallery() {
-    check("l-gallery", Basis::M3, 0.003, 0.006, 1.5);
+    // 0.28 % off the reference, in which half of the star is black.
+    check("l-gallery", Basis::M3, 0.003, 0.002, 1.2);
 }

@@ -61,6 +61,20 @@ def read(path):
     return faces
 
 
+def sheets(faces):
+    """Faces one by one, each with the face that lies on it back to back, if there is one, which then does not come by itself."""
+    place = lambda face: sorted(face.corners.tolist())
+    found = []
+    for face in faces:
+        under = (i for i, (f, b) in enumerate(found) if b is None and place(f) == place(face) and f.normal @ face.normal < 0)
+        at = next(under, None)
+        if at is None:
+            found.append((face, None))
+        else:
+            found[at] = (found[at][0], face)
+    return found
+
+
 def points(faces, count, seed=1998):
     """Rows x, y, z, nx, ny, nz spread over the faces by area; some may be covered by what stands on their face."""
     random = np.random.default_rng(seed)

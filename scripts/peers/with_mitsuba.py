@@ -6,6 +6,8 @@ import time
 
 import numpy as np
 
+import scenes
+
 LANES = 1 << 23  # paths under way at once
 SETTINGS = [4, 16, 64, 256]  # paths for each point
 
@@ -16,6 +18,11 @@ def find_llvm():
         for path in glob.glob(f"/usr/lib/*/libLLVM-{version}.so*") + glob.glob(f"/usr/lib/*/libLLVM.so.{version}*"):
             os.environ.setdefault("DRJIT_LIBLLVM_PATH", path)
             return
+
+
+def diffuse(face):
+    """What a face is made of; it is black from behind."""
+    return {"type": "diffuse", "reflectance": {"type": "rgb", "value": face.reflectance.tolist()}}
 
 
 class Mitsuba:
@@ -33,11 +40,15 @@ class Mitsuba:
     def load(self, faces):
         mi = self.mi
         scene = {"type": "scene"}
-        for number, face in enumerate(faces):
+        for number, (face, back) in enumerate(scenes.sheets(faces)):
             triangles = face.triangles()
-            bsdf = mi.load_dict({"type": "diffuse", "reflectance": {"type": "rgb", "value": face.reflectance.tolist()}})
+            bsdf = diffuse(face)
+            # Of two meshes in one place a ray meets either, and every other time the black back of the wrong one.
+            if back is not None:
+                assert not face.exitance.any() and not back.exitance.any(), f"{face.name}: emits from a sheet"
+                bsdf = {"type": "twosided", "front": bsdf, "reverse": diffuse(back)}
             properties = mi.Properties()
-            properties["bsdf"] = bsdf
+            properties["bsdf"] = mi.load_dict(bsdf)
             if face.exitance.any():
                 radiance = {"type": "rgb", "value": (face.exitance / np.pi).tolist()}
                 properties["emitter"] = mi.load_dict({"type": "area", "radiance": radiance})
