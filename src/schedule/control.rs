@@ -203,6 +203,8 @@ struct Attempt {
     threshold_w_m: f64,
     norm: f64,
     link_error: f64,
+    /// How many times that it errs by, link errors adding up.
+    repeated: f64,
     unshot_error: f64,
 }
 
@@ -269,7 +271,7 @@ impl<'a, const N: usize> Run<'a, N> {
         let mut passes = 1;
         while passes <= MAX_PASSES && !attempt.statistics.interrupted {
             let (links, norm) = (attempt.link_error, attempt.norm);
-            if budget.is_met(links, attempt.unshot_error, norm) {
+            if budget.is_met(attempt.repeated * links, attempt.unshot_error, norm) {
                 break;
             }
             threshold *= attempt.statistics.growth;
@@ -333,14 +335,17 @@ impl<'a, const N: usize> Run<'a, N> {
         means: &mut Means<'_, '_, '_>,
     ) -> Result<Attempt, WorkerPanic> {
         let (budget, batches, watch) = (self.budget, means.batches, means.watch);
-        let link_error = |statistics: &PassStatistics| budget.link_error_w_m(statistics.error_squared);
+        let repeated = if pilot { budget.shot_by_shot() } else { 1.0 };
+        let link_error =
+            |statistics: &PassStatistics| repeated * budget.link_error_w_m(statistics.error_squared);
         let aim_w_m = error * norm_w_m;
         let rules = self.rules(threshold_w_m, aim_w_m);
         let pass = self.pass((&rules, !pilot), (error, norm_w_m), &means.occluders, batches);
         let (mut statistics, reflected) = pass.illuminate(trees, means.crew, watch)?;
         if self.options.direct_only {
-            let (norm, link_error) = (reflected_norm(trees, means.crew)?, link_error(&statistics));
-            return Ok(Attempt { statistics, threshold_w_m, norm, link_error, unshot_error: 0.0 });
+            let link_error = budget.link_error_w_m(statistics.error_squared);
+            let (norm, repeated) = (reflected_norm(trees, means.crew)?, 1.0);
+            return Ok(Attempt { statistics, threshold_w_m, norm, link_error, repeated, unshot_error: 0.0 });
         }
         let may_suffice = pilot && budget.pilot_may_suffice() && !pass.mixes();
         if may_suffice {
@@ -375,7 +380,8 @@ impl<'a, const N: usize> Run<'a, N> {
             statistics,
             threshold_w_m,
             norm: reflected_norm(trees, means.crew)?,
-            link_error: link_error(&statistics),
+            link_error: budget.link_error_w_m(statistics.error_squared),
+            repeated,
             unshot_error: budget.unshot_error_w_m(statistics.unshot_w),
         })
     }
@@ -425,7 +431,7 @@ impl<'a, const N: usize> Run<'a, N> {
         means: Means<'_, '_, '_>,
     ) -> Result<Outcome, WorkerPanic> {
         let statistics = attempt.statistics;
-        let error = attempt.link_error.hypot(attempt.unshot_error);
+        let error = (attempt.repeated * attempt.link_error).hypot(attempt.unshot_error);
         let first = statistics.first_reflection_w;
         let elements = fields.iter().map(Field::leaves).sum();
         let visibility = self.occluder.bytes() * (1 + means.occluders.len());
