@@ -15,8 +15,9 @@ use crate::math::Basis;
 
 /// Share of the error that links may use.
 const LINK_SHARE: f64 = 0.97;
-/// What a further pass aims at, as a share of what links may lose: one that misses by a little is followed by a whole one.
-const AIM: f64 = 0.96;
+/// What the first, second and further passes after a pilot aim at, as shares of what links may lose: one that misses by a little is followed by
+/// a whole one, and where links err by more than was predicted once, they may again.
+const AIM: [f64; 3] = [0.96, 0.85, 0.75];
 /// Share of the error that power left unshot may cause.
 const UNSHOT_SHARE: f64 = 0.2;
 /// Share of the error, taken as a deviation at a point, above which a link goes down to elements that others have made.
@@ -91,9 +92,10 @@ impl Budget {
         hopeful.then(|| (wanted / direct_error_w_m).powf(1.0 / self.growth()).clamp(1.0, COARSEST))
     }
 
-    /// What to multiply the threshold by so that link errors fall to what they may be, and a little below; they fall with this power of it.
-    pub fn finer(&self, link_error_w_m: f64, norm_w_m: f64, growth: f64) -> f64 {
-        let aim = AIM * LINK_SHARE * self.target * norm_w_m;
+    /// What to multiply the threshold by after so many passes, so that link errors fall to what they may be, and a little below; they fall with
+    /// this power of it.
+    pub fn finer(&self, passes: usize, link_error_w_m: f64, norm_w_m: f64, growth: f64) -> f64 {
+        let aim = AIM[passes.clamp(1, AIM.len()) - 1] * LINK_SHARE * self.target * norm_w_m;
         (aim / link_error_w_m).min(1.0).powf(1.0 / growth).max(1e-4)
     }
 
@@ -169,9 +171,11 @@ mod tests {
             assert!((links.hypot(unshot) / allowed - 1.0).abs() < 0.01);
             assert!(budget.is_met(links, unshot, norm) && budget.is_met(allowed, 0.0, norm));
             assert!(!budget.is_met(links, 1.3 * unshot, norm) && !budget.is_met(1.001 * allowed, 0.0, norm));
-            assert_eq!(budget.finer(0.5 * links, norm, budget.growth()), 1.0, "good links stay");
-            let finer = budget.finer(3.0 * most, norm, budget.growth());
-            assert!((finer.powf(budget.growth()) * 3.0 - AIM).abs() < 1e-12);
+            assert_eq!(budget.finer(1, 0.5 * links, norm, budget.growth()), 1.0, "good links stay");
+            for (passes, aim) in [(1, AIM[0]), (2, AIM[1]), (9, AIM[2])] {
+                let finer = budget.finer(passes, 3.0 * most, norm, budget.growth());
+                assert!((finer.powf(budget.growth()) * 3.0 - aim).abs() < 1e-12);
+            }
             assert_eq!(budget.again(allowed, norm), None);
             let again = budget.again(2.0 * HOPELESS * allowed, norm).unwrap();
             assert!((again.powf(budget.growth()) - 0.5).abs() < 1e-12);

@@ -278,7 +278,7 @@ impl<'a, const N: usize> Run<'a, N> {
             if links > 0.0 {
                 // Errors of a pilot that mixed states are those of coarse links made many times brighter, and fall faster.
                 let growth = if passes == 1 && attempt.statistics.mixed { 1.0 } else { budget.growth() };
-                threshold *= budget.finer(links, norm, growth);
+                threshold *= budget.finer(passes, links, norm, growth);
             }
             watch.pass(passes);
             let fields = self.fields(&mut trees, &attempt, means.crew)?;
