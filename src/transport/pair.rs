@@ -33,7 +33,7 @@ pub enum Oracle {
     Uniform(u8),
 }
 
-/// Tolerance of the first look at an element, and of a pair that is taken by one sample, as a share of the light.
+/// The coarsest tolerance of a look at an element, and that of a pair that is taken by one sample, as a share of the light.
 pub(super) const COARSE: f64 = 0.25;
 
 /// Whether to go on; asked before every element, so without a clock.
