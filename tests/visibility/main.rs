@@ -64,7 +64,10 @@ fn stress(kind: Kind, segments: usize, seed: u64) -> Counts {
             let (from, to) = if leaving { solid.way_out(&mut dice) } else { solid.way_across(&mut dice) };
             let truth = brute.blocker(from, to, NONE).is_some();
             counts.segments += 1;
-            counts.leaks += (leaving && !truth) as usize;
+            if leaving && !truth {
+                counts.leaks += 1;
+                println!("{kind:?}: nothing blocks {from:?} to {to:?} through {:?}", solid.faces);
+            }
             let answers = [
                 bvh.blocker(from, to, NONE).is_some(),
                 bvh.blocked(from, &[to, from + 0.9 * (to - from)], NONE, &mut last) & 1 != 0,
