@@ -203,7 +203,7 @@ fn a_small_budget_is_kept_and_used() {
     let (basis, error) = (Basis::M3, 0.03);
     let [none, all] = [RECOMPUTE, STORE].map(|batches| room.solve(basis, error, batches, None));
     let mut cost = none.work.cost();
-    for share in [4, 2] {
+    for share in [8, 4, 2] {
         let link_bytes = all.statistics.link_bytes / share;
         let some = room.solve(basis, error, Batches::All { link_bytes }, None);
         let held = some.statistics.link_bytes;
