@@ -92,12 +92,12 @@ fn every_schedule_gives_the_same_bits(room: &Room) {
 
 #[test]
 fn the_cornell_box_is_the_same_on_any_number_of_workers() {
-    every_schedule_gives_the_same_bits(&Room::new("cornell-box", Basis::Auto, 0.035));
+    every_schedule_gives_the_same_bits(&Room::new("cornell-box", Basis::Auto, 0.05));
 }
 
 #[test]
 fn the_furnished_room_is_the_same_on_any_number_of_workers() {
-    let room = Room::new("furnished-room", Basis::M2, 0.06);
+    let room = Room::new("furnished-room", Basis::M2, 0.08);
     every_schedule_gives_the_same_bits(&room);
     let (fitted, single) = (room.solve(None, Batches::Fitted), room.solve(None, Batches::Single));
     assert!(fitted.statistics.batches < single.statistics.batches, "batches hold more than one shooter");
@@ -200,12 +200,12 @@ fn every_locking_schedule_is_as_good(room: &Room) {
 
 #[test]
 fn locking_schedules_solve_the_cornell_box_within_the_error() {
-    every_locking_schedule_is_as_good(&Room::new("cornell-box", Basis::M3, 0.035));
+    every_locking_schedule_is_as_good(&Room::new("cornell-box", Basis::M3, 0.05));
 }
 
 #[test]
 fn locking_schedules_solve_the_furnished_room_within_the_error() {
-    every_locking_schedule_is_as_good(&Room::new("furnished-room", Basis::M2, 0.06));
+    every_locking_schedule_is_as_good(&Room::new("furnished-room", Basis::M2, 0.08));
 }
 
 #[test]
