@@ -3,7 +3,7 @@
 
 use glam::DVec3;
 
-use super::opaque::vector_area;
+use super::opaque::unit_normal;
 use crate::scene::{Light, Scene};
 
 /// Distances from a plane below this share of the scene's extent are rounding.
@@ -29,7 +29,7 @@ pub fn nothing_between(scene: &Scene) -> bool {
     let high = points.iter().fold(DVec3::NEG_INFINITY, |a, b| a.max(*b));
     let tolerance = ROUNDING * (high - low).length();
     scene.faces.iter().all(|face| {
-        let normal = vector_area(&face.vertices).normalize_or_zero();
+        let normal = unit_normal(&face.vertices);
         let (mut in_front, mut behind) = (false, false);
         normal != DVec3::ZERO
             && points.iter().all(|point| {

@@ -64,6 +64,8 @@ pub(super) struct Corner {
 const EDGE_OVERLAP: f64 = 1e-12;
 /// The most that they reach further for a segment that all but lies in their plane.
 pub(super) const MOST_OVERLAP: f64 = 1e-7;
+/// Triangles and parallelograms this many times as long as wide are tested as polygons: coordinates in shares of their width are rounding.
+const MOST_ASPECT: f64 = 1e4;
 /// Roundings in where a segment meets a plane, relative to the coordinates.
 const ROUNDING: f64 = 16.0 * f64::EPSILON;
 
@@ -107,8 +109,8 @@ impl Corner {
         let normal = u.cross(v);
         let square = normal.length_squared();
         let (a, b) = (v.cross(normal) / square, normal.cross(u) / square);
-        let usable = a.is_finite() && b.is_finite();
         let (a0, b0, per_size) = (a.dot(vertices[0]), b.dot(vertices[0]), a.length().max(b.length()));
+        let usable = per_size * u.length().max(v.length()) <= MOST_ASPECT;
         usable.then_some(Self { a, a0, b, b0, parallelogram, per_size })
     }
 
@@ -117,15 +119,19 @@ impl Corner {
         let edges = (0..vertices.len()).map(|i| vertices[(i + 1) % vertices.len()] - vertices[i]);
         let longest = edges.max_by(|a, b| a.length_squared().total_cmp(&b.length_squared()));
         let along = longest.unwrap_or_default().normalize_or_zero();
-        let side = |direction: DVec3| {
+        let directions = [along, normal.cross(along)];
+        let ranges = directions.map(|direction| {
             let places = || vertices.iter().map(|v| direction.dot(*v));
-            let (low, high) =
-                (places().fold(f64::INFINITY, f64::min), places().fold(f64::NEG_INFINITY, f64::max));
-            let margin = 1e-6 * (high - low) + 1e-13 * (low.abs() + high.abs());
+            (places().fold(f64::INFINITY, f64::min), places().fold(f64::NEG_INFINITY, f64::max))
+        });
+        let longest = ranges.iter().map(|(low, high)| high - low).fold(0.0, f64::max);
+        let side = |i: usize| {
+            let (low, high) = ranges[i];
+            let margin = 10.0 * MOST_OVERLAP * longest + 1e-13 * (low.abs() + high.abs());
             let range = high - low + 2.0 * margin;
-            if range > 0.0 { (direction / range, (low - margin) / range) } else { (DVec3::ZERO, 0.0) }
+            if range > 0.0 { (directions[i] / range, (low - margin) / range) } else { (DVec3::ZERO, 0.0) }
         };
-        let ((a, a0), (b, b0)) = (side(along), side(normal.cross(along)));
+        let ((a, a0), (b, b0)) = (side(0), side(1));
         Self { a, a0, b, b0, parallelogram: true, per_size: 0.0 }
     }
 
@@ -146,9 +152,30 @@ fn project(v: DVec3, axis: u8) -> DVec2 {
 }
 
 /// Newell's normal: twice the vector area of a polygon.
-pub(super) fn vector_area(vertices: &[DVec3]) -> DVec3 {
+fn vector_area(vertices: &[DVec3]) -> DVec3 {
     let anchor = vertices[0];
     (1..vertices.len() - 1).map(|i| (vertices[i] - anchor).cross(vertices[i + 1] - anchor)).sum()
+}
+
+/// The unit normal of a polygon's plane, 0 for a polygon without area.
+///
+/// At right angles to the longest edge, towards the corner farthest off it: the vector area of a thin polygon, which only tells the side
+/// here, is as wrong along as across, and a plane tilted along a strip misses its far end.
+pub(super) fn unit_normal(vertices: &[DVec3]) -> DVec3 {
+    let edges = (0..vertices.len()).map(|i| (vertices[i], vertices[(i + 1) % vertices.len()] - vertices[i]));
+    let longest = edges.max_by(|a, b| a.1.length_squared().total_cmp(&b.1.length_squared()));
+    let (start, along) =
+        longest.map_or_else(Default::default, |(start, edge)| (start, edge.normalize_or_zero()));
+    let across = |v: &DVec3| {
+        // Twice, for what is left of a corner near to the edge is mostly rounding along it.
+        let off = (*v - start).reject_from_normalized(along);
+        off.reject_from_normalized(along)
+    };
+    let farthest =
+        vertices.iter().map(across).max_by(|a, b| a.length_squared().total_cmp(&b.length_squared()));
+    let normal = along.cross(farthest.unwrap_or_default()).normalize_or_zero();
+    let side = normal.dot(vector_area(vertices));
+    if side == 0.0 { DVec3::ZERO } else { normal * side.signum() }
 }
 
 /// Twice the area of a polygon over its perimeter.
@@ -169,7 +196,7 @@ impl OpaqueFaces {
             piece_vertices: Vec::new(),
         };
         for face in &scene.faces {
-            let normal = vector_area(&face.vertices).normalize_or_zero();
+            let normal = unit_normal(&face.vertices);
             let size = normal.abs();
             let axis = if size.x > size.y && size.x > size.z {
                 0

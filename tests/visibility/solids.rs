@@ -21,6 +21,16 @@ impl Dice {
         low + (high - low) * self.unit()
     }
 
+    /// As often as not near to one of the ends, as near as a share of 1e-13.
+    pub fn near_an_end(&mut self, low: f64, high: f64) -> f64 {
+        let gap = (high - low) * 10f64.powf(self.between(-13.0, -1.0));
+        match self.below(4) {
+            0 => low + gap,
+            1 => high - gap,
+            _ => self.between(low, high),
+        }
+    }
+
     pub fn below(&mut self, count: usize) -> usize {
         (self.unit() * count as f64) as usize
     }
@@ -149,17 +159,25 @@ fn wall(kind: Kind, dice: &mut Dice) -> Vec<Vec<[f64; 2]>> {
                 faces.push(vec![square[0], square[2], square[3]]);
             }
             Kind::TJunctions => {
-                let (cut, across) = (dice.between(0.2, 0.8), dice.unit() < 0.5);
+                let (cut, across) = (dice.near_an_end(0.0, 1.0), dice.unit() < 0.5);
                 let (x, y) = (u[0] + cut * (u[1] - u[0]), v[0] + cut * (v[1] - v[0]));
                 let halves =
                     if across { [([u[0], x], v), ([x, u[1]], v)] } else { [(u, [v[0], y]), (u, [y, v[1]])] };
                 faces.extend(halves.map(|(u, v)| rectangle(u, v)));
             }
             Kind::Polygons => {
-                let (x, y) = (dice.between(u[0], u[1]), dice.between(v[0], v[1]));
-                // An L, and the rectangle in its notch cut askew.
+                // An L, and the rectangle in its notch cut askew: some of them no more than strips, but none a speck.
+                let (x, y) = if dice.unit() < 0.5 {
+                    (dice.near_an_end(u[0], u[1]), dice.between(v[0], v[1]))
+                } else {
+                    (dice.between(u[0], u[1]), dice.near_an_end(v[0], v[1]))
+                };
                 faces.push(vec![[u[0], v[0]], [u[1], v[0]], [u[1], y], [x, y], [x, v[1]], [u[0], v[1]]]);
-                let skew = dice.between(x, u[1]);
+                let skew = if y < v[1] - 0.1 * (v[1] - v[0]) {
+                    dice.near_an_end(x, u[1])
+                } else {
+                    dice.between(x, u[1])
+                };
                 faces.push(vec![[x, y], [u[1], y], [skew, v[1]], [x, v[1]]]);
                 faces.push(vec![[u[1], y], [u[1], v[1]], [skew, v[1]]]);
             }
