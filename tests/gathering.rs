@@ -200,7 +200,7 @@ fn whoever_gathers_the_bits_are_the_same() {
 #[test]
 fn a_small_budget_is_kept_and_used() {
     let room = Room::read("cornell-box");
-    let (basis, error) = (Basis::M3, 0.03);
+    let (basis, error) = (Basis::M3, 0.02);
     let [none, all] = [RECOMPUTE, STORE].map(|batches| room.solve(basis, error, batches, None));
     let mut cost = none.work.cost();
     for share in [8, 4, 2] {

@@ -12,7 +12,7 @@
 
 use glam::DVec3;
 
-use super::candidates::{Candidates, is_open, narrow, open_ones};
+use super::candidates::{Candidates, LIST_LIMIT, is_open, narrow, open_ones};
 use super::judge::{GROUPS, How, Judge};
 use super::light::Ready;
 use super::nodes::Nodes;
@@ -163,7 +163,11 @@ impl<'a, const N: usize> Gather<'a, N> {
             order: self.packet.basis.order(),
             tolerance,
             splittable: emitter.virtual_depth < MAX_VIRTUAL_DEPTH,
-            shaded: candidates != Candidates::Free,
+            blockers: match candidates {
+                Candidates::Free | Candidates::Hidden => 0,
+                Candidates::List(start, end) => end - start,
+                Candidates::Scene => LIST_LIMIT,
+            },
             traceable: self.is_traceable(candidates),
         };
         let mut how = How::default();
