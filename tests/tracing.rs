@@ -14,7 +14,12 @@ use std::path::{Path, PathBuf};
 use glam::{DVec2, DVec3};
 use rand_pcg::Pcg64;
 use rand_pcg::rand_core::{Rng, SeedableRng};
-use wavelet_radiosity::scene::{self, Scene, Sides};
+use wavelet_radiosity::math::Basis;
+use wavelet_radiosity::radiosity::probe::{self, read_probes};
+use wavelet_radiosity::scene::{self, Material, Scene, Sides};
+use wavelet_radiosity::schedule::{Options, Silent, solve};
+use wavelet_radiosity::transport::Oracle;
+use wavelet_radiosity::visibility::{Bvh, OpaqueFaces};
 
 /// Distances below this, in metres, are rounding.
 const TOUCHING: f64 = 1e-9;
@@ -160,6 +165,25 @@ impl Room {
         irradiance
     }
 
+    /// Irradiance at a point of the wall opposite of that at y = 0, which alone shines, by the midpoint rule.
+    fn through_furniture(&self, at: DVec3) -> f64 {
+        const N: usize = 300;
+        let wall = self.lamps.iter().map(|&i| &self.plates[i]).next().expect("a wall that shines");
+        let (u, v) = (wall.corners[1] - wall.corners[0], wall.corners[3] - wall.corners[0]);
+        let share = u.cross(v).length() / (N * N) as f64;
+        let mut sum = 0.0;
+        for (i, j) in (0..N * N).map(|k| (k % N, k / N)) {
+            let (a, b) = ((i as f64 + 0.5) / N as f64, (j as f64 + 0.5) / N as f64);
+            let to = wall.corners[0] + a * u + b * v - at;
+            let distance = to.length();
+            let met = |p: &Plate| p.meet(at, to / distance, TOUCHING, distance - TOUCHING).is_some();
+            if !self.plates.iter().any(met) {
+                sum += share * to.y * to.y / (PI * distance.powi(4));
+            }
+        }
+        sum
+    }
+
     /// Irradiance at a probe, and its standard error.
     fn irradiance(&self, probe: &Probe, paths: usize, seed: u64) -> (Bands, Bands) {
         let mut pcg = Pcg64::seed_from_u64(seed);
@@ -244,6 +268,41 @@ fn few_paths_agree_with_the_traced_gallery() {
 #[test]
 fn few_paths_agree_with_the_reference_on_the_cornell_box() {
     few_paths_agree("cornell-box", "scenes/cornell-box.probes.csv");
+}
+
+/// The furnished room lit by the wall at y = 0 alone, of exitance 1 W/m².
+fn lit_by_a_wall() -> Scene {
+    let mut scene = scene::read::read_file(&beside("scenes/furnished-room.iv")).unwrap();
+    scene.materials.iter_mut().for_each(|m| m.exitance_w_m2.fill(0.0));
+    scene.materials.push(Material { reflectance: vec![0.0; 3], exitance_w_m2: vec![1.0; 3] });
+    let bright = scene.materials.len() as u32 - 1;
+    for face in &mut scene.faces {
+        if face.vertices.iter().all(|v| v.y == 0.0) {
+            face.material = bright;
+        }
+    }
+    scene
+}
+
+/// Chairs, a table, its legs and a partition stand between the two walls. Rays that agree once were believed whatever stood there: it was 3.2 %
+/// too bright on average.
+#[test]
+fn furniture_between_walls_is_not_overlooked() {
+    let scene = lit_by_a_wall();
+    let room = Room::new(&scene);
+    let bvh = Bvh::new(OpaqueFaces::new(&scene));
+    let options = Options { error: 0.01, basis: Basis::M3, oracle: Oracle::Energy, direct_only: true };
+    let outcome = solve(&scene, &scene::surfaces(&scene), &bvh, &options, &mut Silent);
+    let places: Vec<DVec3> = (0..8).map(|i| DVec3::new(5.464 + 0.03 * i as f64, 4.5, 0.947)).collect();
+    let probes: Vec<_> =
+        places.iter().map(|at| probe::Probe { position: *at, normal: DVec3::NEG_Y }).collect();
+    let mut mean = 0.0f64;
+    for (at, reading) in places.iter().zip(read_probes(&outcome.solution, &bvh, &probes)) {
+        let truth = room.through_furniture(*at);
+        println!("x {:.3}: {:.5}, truth {truth:.5}", at.x, reading.irradiance_w_m2[0]);
+        mean += (reading.irradiance_w_m2[0] / truth - 1.0) / places.len() as f64;
+    }
+    assert!(mean.abs() < 0.01, "{mean}");
 }
 
 #[test]
