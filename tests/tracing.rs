@@ -117,24 +117,29 @@ impl Room {
         found.expect("a closed room")
     }
 
+    /// Irradiance per exitance by one point of a lamp, at these shares of its sides.
+    fn by_point(&self, start: &Start, lamp: &Plate, share: DVec2) -> f64 {
+        let (u, v) = (lamp.corners[1] - lamp.corners[0], lamp.corners[3] - lamp.corners[0]);
+        let to = lamp.corners[0] + share.x * u + share.y * v - start.at;
+        let (received, sent) = (start.normal.dot(to), -lamp.normal.dot(to));
+        if received <= 0.0 || sent <= 0.0 {
+            return 0.0;
+        }
+        let distance = to.length();
+        let met = |p: &Plate| p.meet(start.at, to / distance, start.least, distance - TOUCHING).is_some();
+        if self.plates.iter().any(met) {
+            return 0.0;
+        }
+        received * sent / (PI * distance.powi(4)) * u.cross(v).length()
+    }
+
     /// Irradiance straight from the lamps, by one point on each.
     fn direct(&self, start: &Start, random: &mut impl FnMut() -> f64) -> Bands {
         let mut sum = [0.0; 3];
         for lamp in self.lamps.iter().map(|&i| &self.plates[i]) {
-            let (u, v) = (lamp.corners[1] - lamp.corners[0], lamp.corners[3] - lamp.corners[0]);
-            let to = lamp.corners[0] + random() * u + random() * v - start.at;
-            let (received, sent) = (start.normal.dot(to), -lamp.normal.dot(to));
-            if received <= 0.0 || sent <= 0.0 {
-                continue;
-            }
-            let distance = to.length();
-            let met = |p: &Plate| p.meet(start.at, to / distance, start.least, distance - TOUCHING).is_some();
-            if self.plates.iter().any(met) {
-                continue;
-            }
-            let kernel = received * sent / (PI * distance.powi(4));
+            let form_factor = self.by_point(start, lamp, DVec2::new(random(), random()));
             for (sum, exitance) in sum.iter_mut().zip(lamp.exitance) {
-                *sum += exitance * kernel * u.cross(v).length();
+                *sum += exitance * form_factor;
             }
         }
         sum
@@ -165,23 +170,12 @@ impl Room {
         irradiance
     }
 
-    /// Irradiance at a point of the wall opposite of that at y = 0, which alone shines, by the midpoint rule.
-    fn through_furniture(&self, at: DVec3) -> f64 {
+    /// Form factor of the first lamp, by the midpoint rule.
+    fn form_factor(&self, start: &Start) -> f64 {
         const N: usize = 300;
-        let wall = self.lamps.iter().map(|&i| &self.plates[i]).next().expect("a wall that shines");
-        let (u, v) = (wall.corners[1] - wall.corners[0], wall.corners[3] - wall.corners[0]);
-        let share = u.cross(v).length() / (N * N) as f64;
-        let mut sum = 0.0;
-        for (i, j) in (0..N * N).map(|k| (k % N, k / N)) {
-            let (a, b) = ((i as f64 + 0.5) / N as f64, (j as f64 + 0.5) / N as f64);
-            let to = wall.corners[0] + a * u + b * v - at;
-            let distance = to.length();
-            let met = |p: &Plate| p.meet(at, to / distance, TOUCHING, distance - TOUCHING).is_some();
-            if !self.plates.iter().any(met) {
-                sum += share * to.y * to.y / (PI * distance.powi(4));
-            }
-        }
-        sum
+        let lamp = &self.plates[self.lamps[0]];
+        let share = |k: usize| (DVec2::new((k % N) as f64, (k / N) as f64) + 0.5) / N as f64;
+        (0..N * N).map(|k| self.by_point(start, lamp, share(k))).sum::<f64>() / (N * N) as f64
     }
 
     /// Irradiance at a probe, and its standard error.
@@ -298,7 +292,7 @@ fn furniture_between_walls_is_not_overlooked() {
         places.iter().map(|at| probe::Probe { position: *at, normal: DVec3::NEG_Y }).collect();
     let mut mean = 0.0f64;
     for (at, reading) in places.iter().zip(read_probes(&outcome.solution, &bvh, &probes)) {
-        let truth = room.through_furniture(*at);
+        let truth = room.form_factor(&Start { at: *at, normal: DVec3::NEG_Y, least: TOUCHING });
         println!("x {:.3}: {:.5}, truth {truth:.5}", at.x, reading.irradiance_w_m2[0]);
         mean += (reading.irradiance_w_m2[0] / truth - 1.0) / places.len() as f64;
     }

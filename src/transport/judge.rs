@@ -20,7 +20,7 @@ const MIXED_ERROR: [f64; 3] = [0.5, 0.2, 0.1];
 const UNANIMOUS_ERROR: [f64; 3] = [0.3, 0.06, 0.02];
 
 /// Candidates from which on rays that agree are believed the less the more there are: each may stand between them for itself, and an object
-/// shows several faces. Believed whatever stood in between, furniture left rooms too bright: by 0.27 % at 0.005 (results/accuracy).
+/// shows several faces. Believed whatever stood in between, furniture left rooms too bright: by 0.24 % at 0.005 (results/accuracy).
 const BLOCKERS: f64 = 3.0;
 
 /// Error of the light of visible fragments per unit of radiosity variation and form factor, far from the cell and near it.
