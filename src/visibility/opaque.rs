@@ -116,9 +116,7 @@ impl Corner {
 
     /// A rectangle around a polygon, along its longest edge, larger than any rounding.
     pub fn around(vertices: &[DVec3], normal: DVec3) -> Self {
-        let edges = (0..vertices.len()).map(|i| vertices[(i + 1) % vertices.len()] - vertices[i]);
-        let longest = edges.max_by(|a, b| a.length_squared().total_cmp(&b.length_squared()));
-        let along = longest.unwrap_or_default().normalize_or_zero();
+        let (_, along) = longest_edge(vertices);
         let directions = [along, normal.cross(along)];
         let ranges = directions.map(|direction| {
             let places = || vertices.iter().map(|v| direction.dot(*v));
@@ -157,15 +155,19 @@ fn vector_area(vertices: &[DVec3]) -> DVec3 {
     (1..vertices.len() - 1).map(|i| (vertices[i] - anchor).cross(vertices[i + 1] - anchor)).sum()
 }
 
+/// Where a polygon's longest edge starts, and its direction, 0 where all edges are points.
+fn longest_edge(vertices: &[DVec3]) -> (DVec3, DVec3) {
+    let edges = (0..vertices.len()).map(|i| (vertices[i], vertices[(i + 1) % vertices.len()] - vertices[i]));
+    let longest = edges.max_by(|a, b| a.1.length_squared().total_cmp(&b.1.length_squared()));
+    longest.map_or_else(Default::default, |(start, edge)| (start, edge.normalize_or_zero()))
+}
+
 /// The unit normal of a polygon's plane, 0 for a polygon without area.
 ///
 /// At right angles to the longest edge, towards the corner farthest off it: the vector area of a thin polygon, which only tells the side
 /// here, is as wrong along as across, and a plane tilted along a strip misses its far end.
 pub(super) fn unit_normal(vertices: &[DVec3]) -> DVec3 {
-    let edges = (0..vertices.len()).map(|i| (vertices[i], vertices[(i + 1) % vertices.len()] - vertices[i]));
-    let longest = edges.max_by(|a, b| a.1.length_squared().total_cmp(&b.1.length_squared()));
-    let (start, along) =
-        longest.map_or_else(Default::default, |(start, edge)| (start, edge.normalize_or_zero()));
+    let (start, along) = longest_edge(vertices);
     let across = |v: &DVec3| {
         // Twice, for what is left of a corner near to the edge is mostly rounding along it.
         let off = (*v - start).reject_from_normalized(along);
