@@ -4,13 +4,18 @@ use std::path::Path;
 
 use ccnuma::arena::Memory;
 use ccnuma::{Machine, Plan, Policy, Team};
-use glam::{DVec2, DVec3};
+use deviation::deviation;
+use glam::DVec2;
 use wavelet_radiosity::math::{Basis, polygon};
-use wavelet_radiosity::radiosity::probe::{Probe, read_probes};
 use wavelet_radiosity::scene::{self, Scene, Surface};
 use wavelet_radiosity::schedule::{Batches, Options, Outcome, Schedule, Silent, solve_by};
 use wavelet_radiosity::transport::Oracle;
 use wavelet_radiosity::visibility::{Bvh, OpaqueFaces};
+
+#[path = "support/deviation.rs"]
+mod deviation;
+#[path = "support/probes.rs"]
+mod probes;
 
 const RECOMPUTE: Batches = Batches::All { link_bytes: 0 };
 const STORE: Batches = Batches::All { link_bytes: 64 << 20 };
@@ -103,33 +108,14 @@ fn a_furnace_glows_evenly() {
     }
 }
 
-/// RMS deviation of irradiance from the reference at the probes of a scene.
-fn deviation(name: &str, room: &Room, outcome: &Outcome) -> f64 {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("scenes/{name}.probes.csv"));
-    let (mut probes, mut truth) = (Vec::new(), Vec::new());
-    for row in csv::Reader::from_path(path).unwrap().records() {
-        let row = row.unwrap();
-        let at = |i: usize| row[i].parse::<f64>().unwrap();
-        let (position, normal) = (DVec3::new(at(1), at(2), at(3)), DVec3::new(at(4), at(5), at(6)));
-        probes.push(Probe { position, normal });
-        truth.push([at(7), at(8), at(9)]);
-    }
-    let (mut square, mut norm) = (0.0, 0.0);
-    for (reading, truth) in read_probes(&outcome.solution, &room.bvh, &probes).iter().zip(&truth) {
-        for (e, t) in reading.irradiance_w_m2.iter().zip(truth) {
-            square += (e - t) * (e - t);
-            norm += t * t;
-        }
-    }
-    (square / norm).sqrt()
-}
-
 /// Both solutions hold the error and the estimate, and so does their distance; storing saves many evaluations.
 fn links_may_be_stored(name: &str, basis: Basis, error: f64) {
     let room = Room::read(name);
     let [recomputed, stored] = [RECOMPUTE, STORE].map(|batches| {
         let outcome = room.solve(basis, error, batches, None);
-        let (rms, estimate) = (deviation(name, &room, &outcome), outcome.solution.error_estimate);
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("scenes/{name}.probes.csv"));
+        let rms = deviation(&outcome.solution, &room.bvh, &file);
+        let estimate = outcome.solution.error_estimate;
         println!(
             "{name} {basis:?} --error {error} {batches:?}: rms {rms:.4}, estimate {estimate:.4}, cost {}, {} bytes of links",
             outcome.work.cost(),

@@ -4,16 +4,20 @@
 
 use std::path::{Path, PathBuf};
 
-use glam::DVec3;
+use deviation::deviation;
 use wavelet_radiosity::math::Basis;
-use wavelet_radiosity::radiosity::probe::{Probe, read_probes};
 use wavelet_radiosity::scene;
 use wavelet_radiosity::schedule::{Options, Outcome, Silent, solve};
 use wavelet_radiosity::transport::Oracle;
 use wavelet_radiosity::visibility::{Bvh, OpaqueFaces};
 
+#[path = "support/deviation.rs"]
+mod deviation;
+#[path = "support/probes.rs"]
+mod probes;
+
 /// Solves a scene of `scenes/`; returns the RMS deviation at the probes, the estimate and what it cost.
-fn deviation(name: &str, basis: Basis, error: f64) -> (f64, f64, u64) {
+fn judged(name: &str, basis: Basis, error: f64) -> (f64, f64, u64) {
     let (rms, outcome) = solved(name, basis, error);
     (rms, outcome.solution.error_estimate, outcome.work.cost())
 }
@@ -33,28 +37,7 @@ fn solved(name: &str, basis: Basis, error: f64) -> (f64, Outcome) {
     let bvh = Bvh::new(OpaqueFaces::new(&scene));
     let options = Options { error, basis, oracle: Oracle::Energy, direct_only: false };
     let outcome = solve(&scene, &surfaces, &bvh, &options, &mut Silent);
-    let mut probes = Vec::new();
-    let mut truth = Vec::new();
-    for row in csv::Reader::from_path(true_probes(name)).unwrap().records() {
-        let row = row.unwrap();
-        let at = |i: usize| row[i].parse::<f64>().unwrap();
-        probes.push(Probe {
-            position: DVec3::new(at(1), at(2), at(3)),
-            normal: DVec3::new(at(4), at(5), at(6)),
-        });
-        truth.push([at(7), at(8), at(9)]);
-    }
-    let readings = read_probes(&outcome.solution, &bvh, &probes);
-    let (mut square, mut norm) = (0.0, 0.0);
-    for (reading, truth) in readings.iter().zip(&truth) {
-        assert!(reading.radiosity_w_m2.is_some(), "every reference probe lies on a surface");
-        for (e, t) in reading.irradiance_w_m2.iter().zip(truth) {
-            assert!(e.is_finite());
-            square += (e - t) * (e - t);
-            norm += t * t;
-        }
-    }
-    let rms = (square / norm).sqrt();
+    let rms = deviation(&outcome.solution, &bvh, &true_probes(name));
     println!(
         "{name} {basis:?} --error {error}: rms {:.3} %, estimate {:.3} %, {} elements, {} passes",
         100.0 * rms,
@@ -67,7 +50,7 @@ fn solved(name: &str, basis: Basis, error: f64) -> (f64, Outcome) {
 
 /// The deviation stays below `limit` and `honest` times the estimate, and the estimate is not idle.
 fn check(name: &str, basis: Basis, error: f64, limit: f64, honest: f64) {
-    let (rms, estimate, _) = deviation(name, basis, error);
+    let (rms, estimate, _) = judged(name, basis, error);
     assert!(rms <= limit, "{name} {basis:?} --error {error}: {rms} above {limit}");
     assert!(estimate <= 1.01 * error, "the target was not met: {estimate}");
     assert!(rms <= honest * estimate && estimate <= 4.0 * rms, "{rms} against the estimate {estimate}");
@@ -100,7 +83,7 @@ fn auto_costs_less_than_m3_and_errs_no_more() {
         let (mut squares, mut costs) = ([0.0, 0.0], [0, 0]);
         for error in [0.028, 0.025, 0.022, 0.02] {
             for (i, basis) in [Basis::M3, Basis::Auto].into_iter().enumerate() {
-                let (rms, _, cost) = deviation(name, basis, error);
+                let (rms, _, cost) = judged(name, basis, error);
                 squares[i] += rms * rms;
                 costs[i] += cost;
             }

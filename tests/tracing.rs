@@ -21,6 +21,9 @@ use wavelet_radiosity::schedule::{Options, Silent, solve};
 use wavelet_radiosity::transport::Oracle;
 use wavelet_radiosity::visibility::{Bvh, OpaqueFaces};
 
+#[path = "support/probes.rs"]
+mod probes;
+
 /// Distances below this, in metres, are rounding.
 const TOUCHING: f64 = 1e-9;
 /// Probes in files are rounded to nine digits.
@@ -217,12 +220,14 @@ fn beside(path: &str) -> PathBuf {
 }
 
 fn probes(path: &str) -> Vec<Probe> {
-    let row = |row: csv::StringRecord| {
-        let three = |i: usize| [i, i + 1, i + 2].map(|i| row[i].parse::<f64>().unwrap());
-        let (at, normal) = (three(1).into(), DVec3::from(three(4)).normalize());
-        Probe { face: row[0].to_owned(), at, normal, irradiance: three(7), error: three(10) }
+    let probe = |(face, [at, normal, irradiance, error]): (String, [[f64; 3]; 4])| Probe {
+        face,
+        at: at.into(),
+        normal: DVec3::from(normal).normalize(),
+        irradiance,
+        error,
     };
-    csv::Reader::from_path(beside(path)).unwrap().records().map(|r| row(r.unwrap())).collect()
+    probes::read(&beside(path)).into_iter().map(probe).collect()
 }
 
 fn room(name: &str) -> Room {

@@ -66,7 +66,10 @@ fn stress(kind: Kind, segments: usize, seed: u64) -> Counts {
             counts.segments += 1;
             if leaving && !truth {
                 counts.leaks += 1;
-                println!("{kind:?}: nothing blocks {from:?} to {to:?} through {:?}", solid.faces);
+                println!("{kind:?}: nothing blocks {from:?} to {to:?}");
+                if counts.leaks == 1 {
+                    println!("through {:?}", solid.faces);
+                }
             }
             let answers = [
                 bvh.blocker(from, to, NONE).is_some(),
