@@ -15,7 +15,7 @@ use glam::DVec3;
 use super::candidates::{Candidates, LIST_LIMIT, is_open, narrow, open_ones};
 use super::judge::{GROUPS, How, Judge};
 use super::light::Ready;
-use super::nodes::Nodes;
+use super::nodes::{Nodes, side_by_side, spread};
 use super::packet::{Detail, EmitterCell, Packet, cell_corners};
 use super::pair::Scratch;
 use super::recording::Unit;
@@ -27,6 +27,10 @@ use crate::visibility::{Bundle, Occluder, Shaft};
 
 /// Blockers times points from which on a shaft costs less than the ray tests it may save (measured).
 const WORTH_A_SHAFT: usize = 32;
+
+/// Candidates from which on the points of a bundle look at different places of a cell. Fewer are mostly followed exactly, and what rays then
+/// say is smoother where all points look at the same places.
+const CROWD: usize = 8;
 
 /// The most convex blockers whose projections are followed exactly.
 const EXACT_PIECES: usize = 40;
@@ -163,11 +167,7 @@ impl<'a, const N: usize> Gather<'a, N> {
             order: self.packet.basis.order(),
             tolerance,
             splittable: emitter.virtual_depth < MAX_VIRTUAL_DEPTH,
-            blockers: match candidates {
-                Candidates::Free | Candidates::Hidden => 0,
-                Candidates::List(start, end) => end - start,
-                Candidates::Scene => LIST_LIMIT,
-            },
+            blockers: blockers(candidates),
             traceable: self.is_traceable(candidates),
         };
         let mut how = How::default();
@@ -203,7 +203,7 @@ impl<'a, const N: usize> Gather<'a, N> {
             return Sight::Nodes(0);
         }
         let targets = ready.nodes.get(self.packet, emitter, rays);
-        let visible = self.trace(p, targets, ready, candidates);
+        let visible = self.trace(p, emitter, targets, ready, candidates);
         let unanimous = visible == 0 || visible == targets.all();
         let open = !unanimous || how.doubt & 1 << p != 0;
         if open && how.split & 1 << p != 0 {
@@ -220,9 +220,19 @@ impl<'a, const N: usize> Gather<'a, N> {
         Sight::Nodes(visible)
     }
 
-    /// Which of the nodes point `p` sees, as a bit mask.
-    fn trace(&mut self, p: usize, nodes: &Nodes<N>, ready: &Ready<N>, candidates: Candidates) -> u32 {
-        let (from, targets) = (self.points.eye[p], &nodes.eye[..nodes.count]);
+    /// Which of the nodes of a cell point `p` sees, as a bit mask. In a crowd it looks past them, elsewhere than the other points: what stood
+    /// between all of them and their nodes would show to none.
+    fn trace(
+        &mut self,
+        p: usize,
+        emitter: &EmitterCell<N>,
+        nodes: &Nodes<N>,
+        ready: &Ready<N>,
+        candidates: Candidates,
+    ) -> u32 {
+        let crowded = emitter.outline.is_none() && blockers(candidates) >= CROWD;
+        let apart = crowded.then(|| spread(&self.packet.frame, &emitter.cell, nodes.count.isqrt(), p));
+        let (from, targets) = (self.points.eye[p], &apart.as_ref().unwrap_or(&nodes.eye)[..nodes.count]);
         let all = nodes.all();
         self.scratch.work.visibility_rays += nodes.count as u64;
         self.scratch.work.sights_by_rays += 1;
@@ -235,7 +245,11 @@ impl<'a, const N: usize> Gather<'a, N> {
                 if let [to] = targets {
                     return is_open(faces, list, from, *to).into();
                 }
-                open_ones(faces, list, &Bundle::new(from, ready.eyes(nodes), nodes.count))
+                let bundle = match crowded {
+                    true => Bundle::new(from, &side_by_side(targets), nodes.count),
+                    false => Bundle::new(from, ready.eyes(nodes), nodes.count),
+                };
+                open_ones(faces, list, &bundle)
             }
             Candidates::Scene => {
                 let skip = [self.points.face, self.packet.face];
@@ -289,6 +303,15 @@ impl<'a, const N: usize> Gather<'a, N> {
         );
         let skip = [self.points.face, self.packet.face];
         narrow(self.occluder, &shaft, candidates, skip, self.points.hull, &corners, self.scratch)
+    }
+}
+
+/// How many faces may stand in between.
+fn blockers(candidates: Candidates) -> usize {
+    match candidates {
+        Candidates::Free | Candidates::Hidden => 0,
+        Candidates::List(start, end) => end - start,
+        Candidates::Scene => LIST_LIMIT,
     }
 }
 

@@ -12,7 +12,7 @@ use super::gather::{Gather, norm, points_of};
 use super::judge::{GROUPS, How};
 use super::kernel::{kernel, kernels};
 use super::lambert::form_factor;
-use super::nodes::{CellNodes, NODE_LANES, Nodes, value_at};
+use super::nodes::{CellNodes, NODE_LANES, Nodes, side_by_side, value_at};
 use super::packet::{EmitterCell, Packet};
 use super::samples::MAX_SAMPLES;
 use super::unblocked::visible_fragments;
@@ -32,7 +32,7 @@ pub(super) struct Ready<const N: usize> {
 impl<const N: usize> Ready<N> {
     /// Where visibility is taken from for these nodes of the cell, side by side.
     pub fn eyes(&self, nodes: &Nodes<N>) -> &[DVec3x4; NODE_LANES] {
-        self.eyes[nodes.count.isqrt() - 1].get_or_init(|| nodes.eyes())
+        self.eyes[nodes.count.isqrt() - 1].get_or_init(|| side_by_side(&nodes.eye[..nodes.count]))
     }
 }
 

@@ -5,6 +5,7 @@ use std::cell::OnceCell;
 use glam::{DVec2, DVec3};
 
 use super::packet::{EmitterCell, Packet};
+use crate::math::Cell;
 use crate::math::basis::{Basis, MAX_FUNCTIONS, legendre};
 use crate::math::lanes::{DVec3x4, LANES};
 use crate::math::polygon;
@@ -83,15 +84,37 @@ impl<const N: usize> Nodes<N> {
     pub fn all(&self) -> u32 {
         (1 << self.count) - 1
     }
+}
 
-    /// Where visibility is taken from, side by side.
-    pub fn eyes(&self) -> [DVec3x4; NODE_LANES] {
-        let mut eyes = [DVec3x4::default(); NODE_LANES];
-        for (lanes, eyes) in eyes.iter_mut().zip(self.eye[..self.count].chunks(LANES)) {
-            *lanes = DVec3x4::new(eyes);
+/// Ends of the stretches of [0, 1] that n Gauss nodes stand for: each as long as its node's weight.
+const STRETCHES: [[f64; 4]; 3] =
+    [[0.0, 1.0, 1.0, 1.0], [0.0, 0.5, 1.0, 1.0], [0.0, 5.0 / 18.0, 13.0 / 18.0, 1.0]];
+
+/// Steps of the sequence that spreads points most evenly over a square: powers of the reciprocal of the root of x³ = x + 1.
+const EVEN_STEPS: DVec2 = DVec2::new(0.754_877_666_246_692_8, 0.569_840_290_998_053_3);
+
+/// Where point number `p` of a bundle looks at a cell that emits as a whole, instead of at its n × n nodes: as far along in the stretches that
+/// these stand for as no other point of the bundle.
+pub fn spread(frame: &Frame, cell: &Cell, n: usize, p: usize) -> [DVec3; 9] {
+    let along = (DVec2::splat(0.5) + p as f64 * EVEN_STEPS).fract();
+    let stretches = STRETCHES[n - 1];
+    let at = |i: usize, along: f64| stretches[i] + (stretches[i + 1] - stretches[i]) * along;
+    let mut targets = [DVec3::ZERO; 9];
+    for i in 0..n {
+        for j in 0..n {
+            targets[i * n + j] = frame.point(cell.to_surface(DVec2::new(at(i, along.x), at(j, along.y))));
         }
-        eyes
     }
+    targets
+}
+
+/// Points side by side; unused lanes hold nothing of worth.
+pub fn side_by_side(points: &[DVec3]) -> [DVec3x4; NODE_LANES] {
+    let mut lanes = [DVec3x4::default(); NODE_LANES];
+    for (lanes, points) in lanes.iter_mut().zip(points.chunks(LANES)) {
+        *lanes = DVec3x4::new(points);
+    }
+    lanes
 }
 
 /// Registers that nine nodes take.
@@ -151,4 +174,33 @@ fn sum<const N: usize, const K: usize>(
         }
     }
     sum
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::transport::samples::MAX_SAMPLES;
+
+    #[test]
+    fn points_together_look_everywhere_and_each_evenly() {
+        let frame = Frame { origin: DVec3::ZERO, u: DVec3::X, v: DVec3::Y, normal: DVec3::Z, area_m2: 1.0 };
+        for n in 1..=3 {
+            let (_, weights) = gauss(n);
+            let mut seen = vec![[0; 9]; n * n];
+            for p in 0..MAX_SAMPLES {
+                let targets = spread(&frame, &Cell::UNIT, n, p);
+                for (q, seen) in seen.iter_mut().enumerate() {
+                    // How far along in the stretch of its node, which is as long as that weighs.
+                    let along = [(q / n, targets[q].x), (q % n, targets[q].y)]
+                        .map(|(i, at)| (at - weights[..i].iter().sum::<f64>()) / weights[i]);
+                    assert!(
+                        along.iter().all(|a| (0.0..1.0).contains(a)),
+                        "{n}, node {q}, point {p}: {along:?}"
+                    );
+                    seen[3 * (3.0 * along[0]) as usize + (3.0 * along[1]) as usize] += 1;
+                }
+            }
+            assert!(seen.as_flattened().iter().all(|count| *count > 0), "{n}: {seen:?}");
+        }
+    }
 }
