@@ -26,8 +26,9 @@ const POINT_SHARE: f64 = 0.003;
 const PRUNE_SHARE: f64 = 0.02;
 /// Light that is still to come does not spread evenly: RMS over mean.
 const SPREAD: f64 = 1.5;
-/// The root of the sum of squared link errors, times this, is the error of the solution in dark scenes (calibrated on the reference scenes).
-const LINK_CALIBRATION: f64 = 1.05;
+/// The root of the sum of squared link errors, times this, is the error of the solution in dark scenes (calibrated on the reference scenes), in
+/// M2 and in other bases.
+const LINK_CALIBRATION: (f64, f64) = (0.87, 1.05);
 /// Link errors are reflected on. Those of all signs grow with the root of the gain `ρ/(1 − ρ)`, their small mean with the gain itself
 /// (calibrated on furnaces and manufactured solutions at ρ 0.5 to 0.999).
 const REFLECTED: (f64, f64) = (0.51, 0.165);
@@ -112,7 +113,8 @@ impl Budget {
     pub fn link_error_w_m(&self, error_squared: f64) -> f64 {
         let unseen = (0.01 / self.target).max(1.0).powf(UNSEEN_GROWTH);
         let reflected = (REFLECTED.0 * self.gain.sqrt()).hypot(REFLECTED.1 * self.gain);
-        LINK_CALIBRATION * reflected.hypot(1.0) * unseen * error_squared.sqrt()
+        let calibration = if self.basis == Basis::M2 { LINK_CALIBRATION.0 } else { LINK_CALIBRATION.1 };
+        calibration * reflected.hypot(1.0) * unseen * error_squared.sqrt()
     }
 
     /// How many times what its links come to a pilot errs by.
