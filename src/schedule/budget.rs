@@ -48,7 +48,7 @@ const HOPEFUL: f64 = 0.7;
 /// adds to the norm, but errors of its own too.
 const HOPELESS: f64 = 1.2;
 /// How much coarser its links may then become: what coarser ones lose, they do not see.
-const COARSEST: f64 = 4.0;
+const COARSEST: f64 = 64.0;
 
 /// The budget of a run.
 #[derive(Clone, Copy, Debug)]
