@@ -93,6 +93,11 @@ fn number(sets: &[u32; 3], p: usize) -> usize {
     (1..=3).find(|n| sets[n - 1] & 1 << p != 0).unwrap_or(0)
 }
 
+/// Share of a cell's light that n × n rays may misjudge when they agree, with so many candidates in between: never more than when they disagree.
+fn unanimous_error(n: usize, blockers: usize) -> f64 {
+    (UNANIMOUS_ERROR[n - 1] * (blockers as f64 / BLOCKERS).max(1.0)).min(MIXED_ERROR[n - 1])
+}
+
 impl Judge {
     /// Judges for those four points of a group that are `active`, a bit mask from the bundle's first point on.
     #[inline]
@@ -146,7 +151,7 @@ impl Judge {
     ) {
         let absolute = f64x4::splat(self.tolerance.absolute_w_m2);
         let within = |error: f64, light: f64x4| set((f64x4::splat(error) * light).simd_le(absolute)) & taken;
-        let hidden = UNANIMOUS_ERROR.map(|error| error * (self.blockers as f64 / BLOCKERS).max(1.0));
+        let hidden = [1, 2, 3].map(|n| unanimous_error(n, self.blockers));
         // Where a shadow's edge crosses the cell, its detail does not fade: it may well have that edge too, and then all such cells
         // err to the same side.
         let detail = f64x4::splat(self.detail.rms_w_m2) * views.form_factor;
@@ -200,8 +205,8 @@ mod tests {
             return Some((nodes, 0, [smooth.is_none(), constant, false, false, false]));
         }
         let edged = rms_w_m2 * form_factor > 0.05 * absolute;
-        let many = (judge.blockers as f64 / BLOCKERS).max(1.0);
-        let enough = (1 + edged as usize..=3).find(|n| UNANIMOUS_ERROR[n - 1] * many * estimate <= absolute);
+        let enough =
+            (1 + edged as usize..=3).find(|n| unanimous_error(*n, judge.blockers) * estimate <= absolute);
         let rays = enough.unwrap_or(3);
         let believed = MIXED_ERROR[rays - 1] * estimate <= absolute;
         let fragments = FRAGMENT_ERROR[smooth.is_none() as usize] * variation <= absolute;
