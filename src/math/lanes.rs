@@ -54,6 +54,16 @@ impl DVec3x4 {
     }
 }
 
+/// Vectors in as many registers as asked for, which must hold them all; lanes beyond them hold nothing of worth.
+#[inline(always)]
+pub fn side_by_side<const REGISTERS: usize>(vectors: &[DVec3]) -> [DVec3x4; REGISTERS] {
+    let mut lanes = [DVec3x4::default(); REGISTERS];
+    for (lanes, vectors) in lanes.iter_mut().zip(vectors.chunks(LANES)) {
+        *lanes = DVec3x4::new(vectors);
+    }
+    lanes
+}
+
 impl Add for DVec3x4 {
     type Output = Self;
 

@@ -15,14 +15,14 @@ use glam::DVec3;
 use super::candidates::{Candidates, LIST_LIMIT, is_open, narrow, open_ones};
 use super::judge::{GROUPS, How, Judge};
 use super::light::Ready;
-use super::nodes::{Nodes, side_by_side, spread};
+use super::nodes::{NODE_LANES, Nodes, spread};
 use super::packet::{Detail, EmitterCell, Packet, cell_corners};
 use super::pair::Scratch;
 use super::recording::Unit;
 use super::samples::MAX_SAMPLES;
 use super::view::Geometry;
 use crate::math::basis::MAX_FUNCTIONS;
-use crate::math::lanes::{DVec3x4, LANES};
+use crate::math::lanes::{DVec3x4, LANES, side_by_side};
 use crate::visibility::{Bundle, Occluder, Shaft};
 
 /// Blockers times points from which on a shaft costs less than the ray tests it may save (measured).
@@ -103,10 +103,7 @@ impl<'a, const N: usize> Gather<'a, N> {
     ) -> Self {
         let centre = points.hull.iter().sum::<DVec3>() / points.hull.len() as f64;
         let radius = points.hull.iter().map(|p| p.distance(centre)).fold(0.0, f64::max);
-        let mut lanes = [DVec3x4::default(); GROUPS];
-        for (lanes, points) in lanes.iter_mut().zip(points.position.chunks(LANES)) {
-            *lanes = DVec3x4::new(points);
-        }
+        let lanes = side_by_side(points.position);
         Self { packet, points, occluder, irradiance, uncertain, scratch, lanes, centre, radius }
     }
 
@@ -246,7 +243,7 @@ impl<'a, const N: usize> Gather<'a, N> {
                     return is_open(faces, list, from, *to).into();
                 }
                 let bundle = match crowded {
-                    true => Bundle::new(from, &side_by_side(targets), nodes.count),
+                    true => Bundle::new(from, &side_by_side::<NODE_LANES>(targets), nodes.count),
                     false => Bundle::new(from, ready.eyes(nodes), nodes.count),
                 };
                 open_ones(faces, list, &bundle)

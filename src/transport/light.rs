@@ -12,12 +12,12 @@ use super::gather::{Gather, norm, points_of};
 use super::judge::{GROUPS, How};
 use super::kernel::{kernel, kernels};
 use super::lambert::form_factor;
-use super::nodes::{CellNodes, NODE_LANES, Nodes, side_by_side, value_at};
+use super::nodes::{CellNodes, NODE_LANES, Nodes, value_at};
 use super::packet::{EmitterCell, Packet};
 use super::samples::MAX_SAMPLES;
 use super::unblocked::visible_fragments;
 use crate::math::basis::MAX_FUNCTIONS;
-use crate::math::lanes::{DVec3x4, LANES};
+use crate::math::lanes::{DVec3x4, LANES, side_by_side};
 
 /// Quadrature on a cell, made once for all points that take it.
 #[derive(Default)]

@@ -7,7 +7,7 @@ use glam::{DVec2, DVec3};
 use super::packet::{EmitterCell, Packet};
 use crate::math::Cell;
 use crate::math::basis::{Basis, MAX_FUNCTIONS, legendre};
-use crate::math::lanes::{DVec3x4, LANES};
+use crate::math::lanes::LANES;
 use crate::math::polygon;
 use crate::math::quadrature::gauss;
 use crate::scene::Frame;
@@ -106,15 +106,6 @@ pub fn spread(frame: &Frame, cell: &Cell, n: usize, p: usize) -> [DVec3; 9] {
         }
     }
     targets
-}
-
-/// Points side by side; unused lanes hold nothing of worth.
-pub fn side_by_side(points: &[DVec3]) -> [DVec3x4; NODE_LANES] {
-    let mut lanes = [DVec3x4::default(); NODE_LANES];
-    for (lanes, points) in lanes.iter_mut().zip(points.chunks(LANES)) {
-        *lanes = DVec3x4::new(points);
-    }
-    lanes
 }
 
 /// Registers that nine nodes take.
