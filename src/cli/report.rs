@@ -131,6 +131,10 @@ fn result(solved: &Solved) -> Outcome {
         error_estimate: estimate,
         unshot_fraction: outcome.unshot_fraction,
         energy_balance: energy_balance(solution),
+        transport_lost: match outcome.statistics.lost {
+            Some(lost) => Known::Value(lost),
+            None => Known::unavailable("only known where light is reflected on and hardly any leaves"),
+        },
         incomplete: solution.incomplete,
     }
 }

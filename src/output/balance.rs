@@ -3,7 +3,6 @@
 //! What surfaces send out others receive, so it is 0 where no light can leave. In other scenes it is the share of the light that
 //! leaves or falls on black backs.
 
-use crate::math::polygon::{clip_to_cell, moments};
 use crate::radiosity::Solution;
 
 use super::report::Known;
@@ -18,7 +17,7 @@ pub fn energy_balance(solution: &Solution) -> Known<f64> {
     }
     let (mut received_w, mut sent_w) = (0.0, 0.0);
     for (index, surface) in solution.surfaces.iter().enumerate() {
-        for (band, power_w) in received(solution, index).into_iter().enumerate() {
+        for (band, power_w) in solution.fields[index].power_w(surface).into_iter().enumerate() {
             received_w += power_w;
             sent_w += surface.area_m2 * surface.exitance_w_m2[band] + surface.reflectance[band] * power_w;
         }
@@ -27,29 +26,6 @@ pub fn energy_balance(solution: &Solution) -> Known<f64> {
         true => Known::Value(1.0 - received_w / sent_w),
         false => Known::unavailable("no surface sends out light"),
     }
-}
-
-/// `∫E dA` over surface `index` in W, per band.
-fn received(solution: &Solution, index: usize) -> Vec<f64> {
-    let (surface, field) = (&solution.surfaces[index], &solution.fields[index]);
-    let mut power_w = vec![0.0; field.bands];
-    field.for_each_node(&mut |_, leaf| {
-        let area_m2 = surface.frame.area_m2 * leaf.cell.size.x * leaf.cell.size.y;
-        let mut add = |function: usize, moment: f64| {
-            for (band, sum) in power_w.iter_mut().enumerate() {
-                *sum += area_m2 * moment * leaf.coefficients[function * field.bands + band];
-            }
-        };
-        if surface.full {
-            // The functions are orthonormal: only the constant one has a mean.
-            return add(0, 1.0);
-        }
-        let part: Vec<_> =
-            clip_to_cell(&surface.outline, &leaf.cell).iter().map(|p| leaf.cell.to_local(*p)).collect();
-        let moments = moments(&part, field.basis);
-        (0..field.basis.len()).for_each(|function| add(function, moments[function]));
-    });
-    power_w
 }
 
 #[cfg(test)]
@@ -73,7 +49,7 @@ mod tests {
                     sum += value[1] * surface.frame.area_m2 / (n * n) as f64;
                 }
             }
-            let power = received(&solution, index)[1];
+            let power = solution.fields[index].power_w(surface)[1];
             assert!((power - sum).abs() < 0.01 * sum, "surface {index}: {power} W, sampled {sum} W");
         }
     }

@@ -207,6 +207,9 @@ pub struct Outcome {
     /// `1 − Σ A E / Σ A B` over all surfaces and bands: 0 for a closed scene, the share of the light that leaves or falls on
     /// black backs for others.
     pub energy_balance: Known<f64>,
+    /// Share of the light sent that transport has lost, or made if it is negative, before the ambient correction made up for it; known where little
+    /// or no light leaves the scene.
+    pub transport_lost: Known<f64>,
     /// Whether the run was cut short.
     pub incomplete: bool,
 }
@@ -364,6 +367,7 @@ pub(super) mod tests {
                 error_estimate: Known::Value(0.0081),
                 unshot_fraction: 0.0012,
                 energy_balance: Known::unavailable("the scene is open"),
+                transport_lost: Known::unavailable("the scene is open"),
                 incomplete: false,
             },
             memory: Memory {

@@ -1,6 +1,6 @@
 //! The report for people: a dozen aligned lines.
 
-use super::report::{Counted, Known, Memory, Report, Saving, Times, Work, Worker};
+use super::report::{Counted, Known, Memory, Outcome, Report, Saving, Times, Work, Worker};
 use super::units::{bytes, count, percent, seconds};
 
 /// What a person wants to know after a run, ending in a line feed.
@@ -15,7 +15,7 @@ pub fn summary(report: &Report) -> String {
         ("time", time(&report.time_s)),
         ("error", error(report)),
         ("unshot", percent(result.unshot_fraction)),
-        ("energy", known(&result.energy_balance, |b| format!("balance off by {}", percent(*b)))),
+        ("energy", energy(result)),
         ("elements", format!("{}{each}", count(result.elements))),
         ("work", work(&report.work)),
         ("rays", rays(&report.work)),
@@ -88,6 +88,14 @@ fn saved(work: &Work) -> String {
 
 fn known<T>(value: &Known<T>, show: impl Fn(&T) -> String) -> String {
     value.as_result().map_or_else(|reason| format!("unavailable: {reason}"), show)
+}
+
+fn energy(result: &Outcome) -> String {
+    let balance = known(&result.energy_balance, |balance| format!("balance off by {}", percent(*balance)));
+    match result.transport_lost.as_result() {
+        Ok(lost) => format!("{balance}; {} that transport lost is made up for", percent(*lost)),
+        Err(_) => balance,
+    }
 }
 
 fn error(report: &Report) -> String {

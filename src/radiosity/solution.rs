@@ -6,6 +6,8 @@ use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
 use super::ripples::{Limits, limits};
+use crate::math::basis::MAX_FUNCTIONS;
+use crate::math::polygon::{clip_to_cell, moments};
 use crate::math::{Basis, Cell, Split};
 use crate::scene::{Scene, Surface};
 
@@ -93,6 +95,39 @@ impl Field {
     /// Bytes that it takes.
     pub fn bytes(&self) -> usize {
         size_of::<Self>() + self.nodes.capacity() * size_of::<Node>() + 8 * self.coefficients.capacity()
+    }
+
+    /// `∫E dA` over `surface`, whose field this is, in W, per band.
+    pub fn power_w(&self, surface: &Surface) -> Vec<f64> {
+        let mut sum_w = vec![0.0; self.bands];
+        self.for_each_power(surface, &mut |_, _, power_w| {
+            sum_w.iter_mut().zip(power_w).for_each(|(sum_w, power_w)| *sum_w += power_w);
+        });
+        sum_w
+    }
+
+    /// Calls `visit` for the cell of every leaf, in depth-first order, with the area in m² that the polygon of `surface`, whose field this is, has in
+    /// it, and `∫E dA` over that in W, per band.
+    pub fn for_each_power(&self, surface: &Surface, visit: &mut dyn FnMut(&Cell, f64, &[f64])) {
+        let mut power_w = vec![0.0; self.bands];
+        self.for_each_node(&mut |_, leaf| {
+            let area_m2 = surface.frame.area_m2 * leaf.cell.area();
+            let mut of = [0.0; MAX_FUNCTIONS];
+            // The functions are orthonormal: on a whole cell only the constant one has a mean.
+            of[0] = 1.0;
+            if !surface.full {
+                let part = clip_to_cell(&surface.outline, &leaf.cell);
+                let part: Vec<_> = part.iter().map(|p| leaf.cell.to_local(*p)).collect();
+                of = moments(&part, self.basis);
+            }
+            power_w.fill(0.0);
+            for (moment, coefficients) in of.iter().zip(leaf.coefficients.chunks(self.bands)) {
+                for (power_w, coefficient) in power_w.iter_mut().zip(coefficients) {
+                    *power_w += area_m2 * moment * coefficient;
+                }
+            }
+            visit(&leaf.cell, area_m2 * of[0], &power_w);
+        });
     }
 
     /// Calls `visit` for every leaf, in depth-first order.

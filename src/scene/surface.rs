@@ -4,7 +4,7 @@
 use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
-use crate::math::polygon;
+use crate::math::{Cell, polygon};
 
 /// A parallelogram in space: `origin + a·u + b·v` for (a, b) in the unit square.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -62,7 +62,17 @@ pub struct Surface {
     pub exitance_w_m2: Vec<f64>,
 }
 
+/// Tries to hit a polygon in a cell; a polygon that is missed so often takes next to nothing of it.
+const TRIES: usize = 1000;
+
 impl Surface {
+    /// A point of the polygon in a cell, in the parameters of the frame, from numbers that are uniform in [0, 1).
+    pub fn point_in(&self, cell: &Cell, mut uniform: impl FnMut() -> f64) -> DVec2 {
+        let mut tries = (0..TRIES).map(|_| cell.to_surface(DVec2::new(uniform(), uniform())));
+        let uv = tries.find(|uv| self.full || polygon::contains(&self.outline, *uv));
+        uv.unwrap_or(self.outline[0])
+    }
+
     /// The point of the polygon's boundary nearest to the parameters `uv`, and how far it is in metres.
     pub fn nearest_on_boundary(&self, uv: DVec2) -> (DVec2, f64) {
         let near = polygon::nearest_on_boundary(&self.outline, uv, |d| self.frame.square_m2(d));

@@ -20,6 +20,7 @@ use super::batch::Batches;
 use super::budget::Budget;
 use super::copies::Copies;
 use super::crew::Crew;
+use super::enclosure::{self, Balance};
 use super::footprint::Footprint;
 use super::gathering::COARSER_PILOT;
 use super::guess::{self, even_norm_w_m};
@@ -110,7 +111,7 @@ pub fn solve_by(
         let solve = |team: Option<&mut Team>| {
             let mut crew = Crew::new(team, memory, surfaces)?;
             let occluders = crew.copy(occluder.bytes(), || occluder.replica())?;
-            let means = Means { batches, crew: &mut crew, occluders, watch };
+            let means = Means { batches, crew: &mut crew, occluders, leaks: false, watch };
             solve_in_bands(scene, surfaces, None, occluder, options, means)
         };
         match counters {
@@ -132,7 +133,13 @@ pub fn solve_emitting(
 ) -> Outcome {
     let solved = observed(observer, |watch| {
         let mut crew = Crew::new(None, Memory::default(), surfaces)?;
-        let means = Means { batches: Batches::default(), crew: &mut crew, occluders: Copies::none(), watch };
+        let means = Means {
+            batches: Batches::default(),
+            crew: &mut crew,
+            occluders: Copies::none(),
+            leaks: false,
+            watch,
+        };
         solve_in_bands(scene, surfaces, Some(exitance), occluder, options, means)
     });
     solved.unwrap_or_else(|panic: WorkerPanic| unreachable!("there is no team, and yet {panic}"))
@@ -149,7 +156,7 @@ pub fn solve_recorded(
 ) -> (Outcome, Record) {
     let solved = observed(observer, |watch| {
         let mut crew = Crew::recording(surfaces);
-        let means = Means { batches, crew: &mut crew, occluders: Copies::none(), watch };
+        let means = Means { batches, crew: &mut crew, occluders: Copies::none(), leaks: false, watch };
         let outcome = solve_in_bands(scene, surfaces, None, occluder, options, means)?;
         Ok((outcome, crew.into_record().unwrap_or_default()))
     });
@@ -179,6 +186,8 @@ struct Run<'a, const N: usize> {
     lamps: Vec<Lamp<N>>,
     /// What surfaces emit.
     emitters: Vec<Packet<N>>,
+    /// All of that, in W per band.
+    emitted_w: [f64; N],
     /// The norm of reflected radiosity in W/m, guessed.
     even_norm_w_m: f64,
     /// Area-weighted mean over surfaces of the largest reflectance over bands.
@@ -192,6 +201,8 @@ struct Means<'c, 't, 'w> {
     crew: &'c mut Crew<'t>,
     /// Copies of the visibility structure near the workers.
     occluders: Copies<Box<dyn Occluder + Send>>,
+    /// Whether more light leaves the scene than can be told well.
+    leaks: bool,
     watch: &'w Watch,
 }
 
@@ -225,16 +236,19 @@ impl<'a, const N: usize> Run<'a, N> {
         let lamps = scene.lights.iter().map(|light| Lamp::new(light, extent)).collect();
         let emits = |s: &Surface| s.exitance_w_m2.iter().any(|m| *m > 0.0);
         let even = |s: &Surface| Field::even(&s.exitance_w_m2);
-        let packet = |i: usize, field: &Field| field_packet(i, &surfaces[i], field, |_, _, m| m);
-        let emitters: Vec<Packet<N>> = match exitance {
-            Some(fields) => fields.iter().enumerate().map(|(i, field)| packet(i, field)).collect(),
-            None => surfaces
-                .iter()
-                .enumerate()
-                .filter(|(_, s)| emits(s))
-                .map(|(i, s)| packet(i, &even(s)))
-                .collect(),
+        let fields: Vec<(usize, Field)> = match exitance {
+            Some(fields) => fields.iter().cloned().enumerate().collect(),
+            None => {
+                surfaces.iter().enumerate().filter(|(_, s)| emits(s)).map(|(i, s)| (i, even(s))).collect()
+            }
         };
+        let packet = |(i, field): &(usize, Field)| field_packet(*i, &surfaces[*i], field, |_, _, m| m);
+        let emitters: Vec<Packet<N>> = fields.iter().map(packet).collect();
+        let mut emitted_w = [0.0; N];
+        for (i, field) in &fields {
+            let power_w = field.power_w(&surfaces[*i]);
+            (0..N).for_each(|n| emitted_w[n] += power_w[n]);
+        }
         let gain = rho / (1.0 - rho);
         Self {
             even_norm_w_m: even_norm_w_m(&scene.lights, surfaces, &emitters, gain),
@@ -244,6 +258,7 @@ impl<'a, const N: usize> Run<'a, N> {
             options,
             lamps,
             emitters,
+            emitted_w,
             mean_reflectance: mean,
             budget: Budget { target, basis, gain, root_area_m: area_m2.sqrt() },
         }
@@ -375,7 +390,8 @@ impl<'a, const N: usize> Run<'a, N> {
                 pass.interreflect(trees, (1.0, &mut shot_w), means.crew, watch, &mut statistics)?;
             }
         }
-        add_ambient(trees, &shot_w);
+        let missing_w = self.missing_w(trees, error, &mut statistics, means)?;
+        add_ambient(trees, &shot_w, missing_w.as_ref());
         Ok(Attempt {
             statistics,
             threshold_w_m,
@@ -384,6 +400,28 @@ impl<'a, const N: usize> Run<'a, N> {
             repeated,
             unshot_error: budget.unshot_error_w_m(statistics.unshot_w),
         })
+    }
+
+    /// What surfaces should receive beyond what they do, in W per band, where hardly any light leaves the scene; `None` elsewhere.
+    fn missing_w(
+        &self,
+        trees: &mut [Tree<N>],
+        error: f64,
+        statistics: &mut PassStatistics,
+        means: &mut Means<'_, '_, '_>,
+    ) -> Result<Option<[f64; N]>, WorkerPanic> {
+        if means.leaks || !self.lamps.is_empty() || statistics.interrupted {
+            return Ok(None);
+        }
+        let balance = Balance::new(self.emitted_w, self.surfaces, trees, means.crew)?;
+        let Some(lost) = balance.lost(&[0.0; N]) else { return Ok(None) };
+        let rays = enclosure::rays(error, self.budget.gain, lost);
+        let leaves_w = enclosure::leaves_w(rays, self.surfaces, self.occluder, trees, means.crew)?;
+        statistics.interreflection.visibility_rays += rays as u64;
+        means.leaks = leaves_w.is_none();
+        let Some(leaves_w) = leaves_w else { return Ok(None) };
+        statistics.lost = balance.lost(&leaves_w);
+        Ok(Some(balance.missing_w(&leaves_w)))
     }
 
     fn rules(&self, threshold_w_m: f64, allowed_w_m: f64) -> Rules {

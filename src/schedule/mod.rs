@@ -3,6 +3,7 @@
 //! A run is a few passes ([`control`], which divides the error by a budget), a pass a sequence of batches ([`pass`], [`batch`]), and a batch
 //! one task per receiver, which a crew runs: one thread, or a team that steals from each other, with receivers at home on nodes ([`homes`]),
 //! their trees in arenas there, and what all read copied to each ([`copies`]); [`footprint`] says what that takes and where it lies.
+//! Where no light can leave ([`enclosure`]), all that is sent must arrive.
 //! Where light is gathered ([`gathering`]), each batch is all surfaces.
 //!
 //! | schedule | crew | batches |
@@ -17,6 +18,7 @@ mod budget;
 pub mod control;
 mod copies;
 mod crew;
+mod enclosure;
 mod footprint;
 mod gathering;
 mod guess;

@@ -86,6 +86,9 @@ pub struct PassStatistics {
     pub links_refused: bool,
     /// Power left unshot in W.
     pub unshot_w: f64,
+    /// Share of what surfaces send that transport lost, or made if it is negative, before the ambient correction put that right; `None` where it
+    /// does not.
+    pub lost: Option<f64>,
     /// Power sent by the lights in W that arrived, reflected once.
     pub first_reflection_w: f64,
     /// How many times the norm is larger than what the pass was told, if that was far too low; else 1.

@@ -9,7 +9,7 @@ use rand_pcg::rand_core::{Rng, SeedableRng};
 use serde::Serialize;
 
 use super::statistics::Spread;
-use crate::math::polygon;
+use crate::math::Cell;
 use crate::radiosity::Solution;
 use crate::radiosity::probe::{Probe, read_probes};
 use crate::scene::Surface;
@@ -17,9 +17,6 @@ use crate::visibility::Occluder;
 
 /// Seed of the points: the same in every study.
 const SEED: u64 = 1998;
-
-/// Tries to hit a polygon in its parallelogram; a polygon that is missed so often takes next to nothing of it.
-const TRIES: usize = 1000;
 
 /// A point on a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -76,9 +73,7 @@ pub fn spread(surfaces: &[Surface], count: usize) -> Vec<Point> {
         end += of.area_m2;
         // One in each step of the accumulated area, at the step's middle.
         while points.len() < count && (points.len() as f64 + 0.5) * step < end {
-            let mut tries = (0..TRIES).map(|_| DVec2::new(uniform(), uniform()));
-            let uv = tries.find(|uv| of.full || polygon::contains(&of.outline, *uv));
-            points.push(Point { surface, uv: uv.unwrap_or(of.outline[0]) });
+            points.push(Point { surface, uv: of.point_in(&Cell::UNIT, &mut uniform) });
         }
     }
     points
@@ -112,6 +107,7 @@ impl Reference {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::polygon;
     use crate::scene;
 
     /// A square of 3 m² in three quarters of its parallelogram, and one of 1 m².

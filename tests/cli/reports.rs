@@ -24,7 +24,8 @@ fn a_run_writes_its_results_and_the_report_says_what_happened() {
     assert_eq!((&options["visibility"], &options["links"]), (&Value::from("bvh"), &Value::from("recompute")));
     assert_eq!(report["result"]["incomplete"], false);
     assert!(report["result"]["error_estimate"].as_f64().unwrap() <= 0.1, "{}", report["result"]);
-    assert!(report["result"]["energy_balance"].as_f64().unwrap().abs() < 0.1, "{}", report["result"]);
+    assert!(report["result"]["energy_balance"].as_f64().unwrap().abs() < 1e-4, "{}", report["result"]);
+    assert!(report["result"]["transport_lost"].as_f64().unwrap().abs() < 0.1, "{}", report["result"]);
     let work = &report["work"];
     assert!(work["visibility_rays"].as_u64().unwrap() > 0 && work["pairs_resolved"].as_u64().unwrap() > 0);
     let behind = &work["saved"]["behind"];

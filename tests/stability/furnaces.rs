@@ -31,7 +31,7 @@ fn held_where(
 fn closed(item: &'static str, name: impl Into<String>, draft: Draft) -> Case {
     let case = held(item, name, draft);
     let error = case.error;
-    case.demand(What::Balance, error)
+    case.demand(What::Balance, 1e-4).demand(What::Lost, error)
 }
 
 fn cube() -> Vec<Polygon> {
@@ -226,7 +226,9 @@ pub fn reflectances(_: Form) -> Vec<Case> {
     let limited = |rho: f64| {
         let case = Case::new(item, format!("{rho}"), furnace(cube(), rho).0);
         let b = 1.0 / (1.0 - rho.min(0.999));
-        case.demand(What::Truth(Box::new(move |_, _| Some(b))), 0.03).demand(What::Balance, 1e-4)
+        case.demand(What::Truth(Box::new(move |_, _| Some(b))), 0.03)
+            .demand(What::Balance, 1e-4)
+            .demand(What::Lost, 1e-4)
     };
     let coarse = |case: Case| Case { error: 0.1, ..case };
     vec![dark, limited(0.5), limited(0.9), limited(0.99), coarse(limited(0.999_999))]

@@ -29,6 +29,8 @@ pub enum What {
     Truth(Truth),
     /// What goes out is what is absorbed: the balance of a closed scene.
     Balance,
+    /// What of that was so before the ambient correction: what transport has lost of the light, as a share.
+    Lost,
     /// The power that all surfaces receive, in W: relative deviation.
     Received(f64),
     /// The deviation from another solution, relative.
@@ -163,6 +165,9 @@ fn measure(case: &Case, outcome: &Outcome) -> Vec<(&'static str, f64, f64, &'sta
             let (name, reached) = match what {
                 What::Truth(truth) => ("error against the truth", against(solution, truth)),
                 What::Balance => ("energy balance", balance(solution)),
+                What::Lost => {
+                    ("lost by transport", outcome.statistics.lost.map_or(balance(solution), f64::abs))
+                }
                 What::Received(power_w) => ("power received", (received_w(solution) / power_w - 1.0).abs()),
                 What::Same(twin) => ("same solution", apart(solution, twin)),
                 What::Dark => ("darkness", brightest(solution)),
