@@ -35,6 +35,11 @@ impl<T> Copies<T> {
         self.copies.get(copy)
     }
 
+    /// All of them.
+    pub fn each(&self) -> impl Iterator<Item = &T> {
+        self.copies.iter()
+    }
+
     /// How many there are.
     pub fn len(&self) -> usize {
         self.copies.len()

@@ -427,20 +427,21 @@ impl<const N: usize> Pass<'_, N> {
         if batch.is_empty() {
             return Ok(());
         }
-        let bytes: usize = batch.packets.iter().map(Packet::bytes).sum();
+        let bytes = |packets: &[Packet<N>]| packets.iter().map(Packet::bytes).sum::<usize>() as u64;
         if self.walk(&Supply::Given(*batch), [0.0; N], trees, crew, watch, statistics)?.is_some() {
-            statistics.packet_bytes = statistics.packet_bytes.max(bytes as u64);
+            statistics.packet_bytes = statistics.packet_bytes.max(bytes(batch.packets));
             return Ok(());
         }
         let clusters = Clusters::of(batch.packets, self.rules);
-        let copies = crew.copy_all(batch.packets, bytes)?;
+        let copies = crew.copy_all(batch.packets, batch.packets.iter().map(Packet::most_bytes).sum())?;
         let longest = crew.light(trees, |tree, scratch, helpers, node| {
             let packets = copies.on(node).map_or(batch.packets, |packets| packets);
             let occluder = self.occluder_on(node);
             let near = Batch { packets, clusters: clusters.as_ref(), ..*batch };
             near.light(tree, (occluder, self.rules), scratch, helpers, watch);
         })?;
-        statistics.packet_bytes = statistics.packet_bytes.max((bytes * (1 + copies.len())) as u64);
+        let copied: u64 = copies.each().map(|packets| bytes(packets)).sum();
+        statistics.packet_bytes = statistics.packet_bytes.max(bytes(batch.packets) + copied);
         statistics.longest.receiver += longest.receiver;
         statistics.longest.chain += longest.chain;
         statistics.shots += batch.len() as u64;

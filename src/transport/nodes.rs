@@ -111,7 +111,7 @@ pub fn spread(frame: &Frame, cell: &Cell, n: usize, p: usize) -> [DVec3; 9] {
 /// Registers that nine nodes take.
 pub const NODE_LANES: usize = 9usize.div_ceil(LANES);
 
-/// The nodes of one cell, made when asked for; those of a packet's root stand ready in the packet.
+/// The nodes of one cell, made when asked for; those of a packet's root are kept in the packet.
 #[derive(Default)]
 pub struct CellNodes<const N: usize>([OnceCell<Nodes<N>>; 3]);
 
@@ -119,7 +119,7 @@ impl<const N: usize> CellNodes<N> {
     /// The n × n nodes of `emitter`, the cell that this was made for.
     pub fn get<'a>(&'a self, packet: &'a Packet<N>, emitter: &EmitterCell<N>, n: usize) -> &'a Nodes<N> {
         match emitter.node {
-            Some(0) => &packet.root_nodes[n - 1],
+            Some(0) => packet.root_nodes(n),
             _ => self.0[n - 1].get_or_init(|| Nodes::of_cell(packet, emitter, n)),
         }
     }

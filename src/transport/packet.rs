@@ -3,6 +3,8 @@
 //! The paper's "lazy copy": receivers read the packet while the emitter's own tree may change. A packet holds levels only as deep as their detail
 //! matters; deeper ones are made on the fly by pushing coefficients down.
 
+use std::sync::OnceLock;
+
 use glam::{DVec2, DVec3};
 use wide::f64x4;
 
@@ -27,8 +29,8 @@ pub struct Packet<const N: usize> {
     pub basis: Basis,
     /// Nodes; the root is number 0, the children of a node stand side by side.
     pub nodes: Vec<PacketNode<N>>,
-    /// Quadrature on the root, 1 × 1 to 3 × 3 nodes.
-    pub root_nodes: Box<[Nodes<N>; 3]>,
+    /// Quadrature on the root, 1 × 1 to 3 × 3 nodes, made when first asked for: of many packets most are only looked at from afar.
+    root_nodes: [OnceLock<Box<Nodes<N>>>; 3],
 }
 
 /// How far the radiosity below a cell differs from the cell's polynomial, in W/m², all bands.
@@ -96,21 +98,42 @@ impl<const N: usize> Packet<N> {
         basis: Basis,
         nodes: Vec<PacketNode<N>>,
     ) -> Self {
-        let root = root(&nodes, outline.clone());
-        let root_nodes = Box::new([1, 2, 3].map(|n| Nodes::new(&frame, basis, &root, n)));
-        Self { surface: index, face, frame, outline, basis, nodes, root_nodes }
+        Self { surface: index, face, frame, outline, basis, nodes, root_nodes: Default::default() }
     }
 
     /// Bytes that it takes.
     pub fn bytes(&self) -> usize {
+        let made = self.root_nodes.iter().filter(|nodes| nodes.get().is_some()).count();
+        self.bytes_with(made)
+    }
+
+    /// Bytes that it takes at most, with all quadrature on the root.
+    pub fn most_bytes(&self) -> usize {
+        self.bytes_with(self.root_nodes.len())
+    }
+
+    fn bytes_with(&self, quadratures: usize) -> usize {
         let outline = self.outline.as_deref().map_or(0, size_of_val);
         let nodes = self.nodes.capacity() * size_of::<PacketNode<N>>();
-        size_of::<Self>() + nodes + size_of_val(&*self.root_nodes) + outline
+        size_of::<Self>() + nodes + quadratures * size_of::<Nodes<N>>() + outline
+    }
+
+    /// The n × n nodes of the root, for n up to 3.
+    #[inline]
+    pub fn root_nodes(&self, n: usize) -> &Nodes<N> {
+        self.root_nodes[n - 1].get_or_init(|| Box::new(Nodes::of_cell(self, &self.root(), n)))
     }
 
     /// The whole emitter.
     pub fn root(&self) -> EmitterCell<N> {
-        root(&self.nodes, self.outline.clone())
+        EmitterCell {
+            cell: Cell::UNIT,
+            node: Some(0),
+            coefficients: self.nodes[0].coefficients,
+            outline: self.outline.clone(),
+            virtual_depth: 0,
+            unit: None,
+        }
     }
 
     /// How `emitter` divides: as the packet does, else across its longer side, or both ways where the sides are alike.
@@ -155,17 +178,6 @@ impl<const N: usize> Packet<N> {
             None => Box::new(unit.part(self.basis, split, index, outline.clone())),
         });
         Some(EmitterCell { cell, node, coefficients, outline, virtual_depth, unit })
-    }
-}
-
-fn root<const N: usize>(nodes: &[PacketNode<N>], outline: Option<Box<[DVec2]>>) -> EmitterCell<N> {
-    EmitterCell {
-        cell: Cell::UNIT,
-        node: Some(0),
-        coefficients: nodes[0].coefficients,
-        outline,
-        virtual_depth: 0,
-        unit: None,
     }
 }
 
