@@ -208,7 +208,7 @@ pub struct Outcome {
     /// black backs for others.
     pub energy_balance: Known<f64>,
     /// Share of the light sent that transport has lost, or made if it is negative, before the ambient correction made up for it; known where little
-    /// or no light leaves the scene.
+    /// or no light leaves the scene, as rays told that `work` does not count.
     pub transport_lost: Known<f64>,
     /// Whether the run was cut short.
     pub incomplete: bool,

@@ -417,7 +417,6 @@ impl<'a, const N: usize> Run<'a, N> {
         let Some(lost) = balance.lost(&[0.0; N]) else { return Ok(None) };
         let rays = enclosure::rays(error, self.budget.gain, lost);
         let leaves_w = enclosure::leaves_w(rays, self.surfaces, self.occluder, trees, means.crew)?;
-        statistics.interreflection.visibility_rays += rays as u64;
         means.leaks = leaves_w.is_none();
         let Some(leaves_w) = leaves_w else { return Ok(None) };
         statistics.lost = balance.lost(&leaves_w);

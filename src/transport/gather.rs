@@ -199,7 +199,7 @@ impl<'a, const N: usize> Gather<'a, N> {
         if rays == 0 {
             return Sight::Nodes(0);
         }
-        let targets = ready.nodes.get(self.packet, emitter, rays);
+        let targets = ready.nodes.get(self.packet, emitter, rays, &mut self.scratch.nodes);
         let visible = self.trace(p, emitter, targets, ready, candidates);
         let unanimous = visible == 0 || visible == targets.all();
         let open = !unanimous || how.doubt & 1 << p != 0;

@@ -14,6 +14,7 @@ use super::kernel::{kernel, kernels};
 use super::lambert::form_factor;
 use super::nodes::{CellNodes, NODE_LANES, Nodes, value_at};
 use super::packet::{EmitterCell, Packet};
+use super::pair::Scratch;
 use super::samples::MAX_SAMPLES;
 use super::unblocked::visible_fragments;
 use crate::math::basis::MAX_FUNCTIONS;
@@ -49,7 +50,8 @@ impl<const N: usize> Gather<'_, N> {
         for n in 1..=3 {
             let points = points & how.nodes[n - 1];
             for p in points_of(points & how.closed_form) {
-                let nodes = || ready.nodes.get(self.packet, emitter, n);
+                let packet = self.packet;
+                let nodes = |scratch: &mut Scratch| ready.nodes.get(packet, emitter, n, &mut scratch.nodes);
                 let light = self.near(self.points.position[p], emitter, nodes, how.constant & 1 << p != 0);
                 let share = self.share_seen(p, emitter, ready, how, norm(&light), visible[p]);
                 self.brighten(p, &light, &share);
@@ -58,7 +60,7 @@ impl<const N: usize> Gather<'_, N> {
             if far == 0 {
                 continue;
             }
-            let nodes = ready.nodes.get(self.packet, emitter, n);
+            let nodes = ready.nodes.get(self.packet, emitter, n, &mut self.scratch.nodes);
             self.scratch.work.kernel_evaluations += nodes.count as u64 * u64::from(far.count_ones());
             for group in 0..GROUPS {
                 let of_group = far & 0b1111 << (LANES * group);
@@ -94,7 +96,7 @@ impl<const N: usize> Gather<'_, N> {
         if visible == 0 {
             return [0.0; N];
         }
-        let targets = ready.nodes.get(self.packet, emitter, rays);
+        let targets = ready.nodes.get(self.packet, emitter, rays, &mut self.scratch.nodes);
         if visible == targets.all() {
             return [1.0; N];
         }
@@ -250,7 +252,7 @@ impl<const N: usize> Gather<'_, N> {
         &mut self,
         x: DVec3,
         emitter: &EmitterCell<M>,
-        nodes: impl FnOnce() -> &'n Nodes<M>,
+        nodes: impl FnOnce(&mut Scratch) -> &'n Nodes<M>,
         constant: bool,
     ) -> [f64; M] {
         let (n_x, n_y) = (self.points.normal, self.packet.frame.normal);
@@ -259,7 +261,7 @@ impl<const N: usize> Gather<'_, N> {
         if constant {
             return emitter.coefficients[0].map(|c| c * factor);
         }
-        let nodes = nodes();
+        let nodes = nodes(self.scratch);
         self.scratch.work.kernel_evaluations += nodes.count as u64;
         let nearest = nearest_radiosity(self.packet, emitter, x);
         let mut light = nearest.map(|b| b * factor);

@@ -1,6 +1,9 @@
 //! Quadrature on emitter cells: Gauss nodes, with fitted weights where a polygon's edge cuts the cell (numerics §5).
 
+use std::any::Any;
 use std::cell::OnceCell;
+use std::fmt::{Debug, Formatter};
+use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
 
@@ -111,18 +114,77 @@ pub fn spread(frame: &Frame, cell: &Cell, n: usize, p: usize) -> [DVec3; 9] {
 /// Registers that nine nodes take.
 pub const NODE_LANES: usize = 9usize.div_ceil(LANES);
 
-/// The nodes of one cell, made when asked for; those of a packet's root are kept in the packet.
+/// The nodes of one cell, made when asked for; those of a packet's root are kept in the packet, others among those that a worker made lately.
 #[derive(Default)]
-pub struct CellNodes<const N: usize>([OnceCell<Nodes<N>>; 3]);
+pub struct CellNodes<const N: usize>([OnceCell<Arc<Nodes<N>>>; 3]);
 
 impl<const N: usize> CellNodes<N> {
     /// The n × n nodes of `emitter`, the cell that this was made for.
-    pub fn get<'a>(&'a self, packet: &'a Packet<N>, emitter: &EmitterCell<N>, n: usize) -> &'a Nodes<N> {
+    pub fn get<'a>(
+        &'a self,
+        packet: &'a Packet<N>,
+        emitter: &EmitterCell<N>,
+        n: usize,
+        recent: &mut RecentNodes,
+    ) -> &'a Nodes<N> {
         match emitter.node {
             Some(0) => packet.root_nodes(n),
-            _ => self.0[n - 1].get_or_init(|| Nodes::of_cell(packet, emitter, n)),
+            _ => self.0[n - 1].get_or_init(|| recent.get(packet, emitter, n)),
         }
     }
+}
+
+/// How many nodes a worker remembers, of 0.7 KB each in three bands.
+const REMEMBERED: usize = 1024;
+
+/// Nodes that a worker made lately: elements of a receiver look at the same cells one after the other, tens of times.
+#[derive(Default)]
+pub struct RecentNodes(Option<Box<dyn Any + Send>>);
+
+/// What nodes are known by: the packet, the cell, and how many there are along a side.
+type Key = (u64, Cell, usize);
+
+/// Places, each of which remembers the last of the nodes that belong there.
+type Places<const N: usize> = Vec<Option<(Key, Arc<Nodes<N>>)>>;
+
+impl RecentNodes {
+    fn get<const N: usize>(
+        &mut self,
+        packet: &Packet<N>,
+        emitter: &EmitterCell<N>,
+        n: usize,
+    ) -> Arc<Nodes<N>> {
+        let places = self.places();
+        let key = (packet.id(), emitter.cell, n);
+        let place = &mut places[place(&key)];
+        match place {
+            Some((known, nodes)) if *known == key => Arc::clone(nodes),
+            _ => Arc::clone(&place.insert((key, Arc::new(Nodes::of_cell(packet, emitter, n)))).1),
+        }
+    }
+
+    /// The places for nodes of `N` bands, as many as the run has.
+    fn places<const N: usize>(&mut self) -> &mut Places<N> {
+        if !self.0.as_ref().is_some_and(|places| places.is::<Places<N>>()) {
+            self.0 = Some(Box::new(Places::<N>::from_iter(std::iter::repeat_n(None, REMEMBERED))));
+        }
+        let places = self.0.as_mut().and_then(|places| places.downcast_mut());
+        places.unwrap_or_else(|| unreachable!("places of this type were just made"))
+    }
+}
+
+impl Debug for RecentNodes {
+    fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("RecentNodes").finish_non_exhaustive()
+    }
+}
+
+/// Where nodes belong: a multiplicative hash.
+fn place((packet, cell, n): &Key) -> usize {
+    let parts = [cell.low.x, cell.low.y, cell.size.x, cell.size.y].map(f64::to_bits);
+    let mix = |hash: u64, part: u64| (hash.rotate_left(23) ^ part).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    let hash = parts.into_iter().fold(mix(*packet, *n as u64), mix);
+    (hash >> 32) as usize % REMEMBERED
 }
 
 /// The function of these coefficients at a point of the cell's unit square.
@@ -170,6 +232,7 @@ fn sum<const N: usize, const K: usize>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::transport::packet::PacketNode;
     use crate::transport::samples::MAX_SAMPLES;
 
     #[test]
@@ -193,5 +256,43 @@ mod tests {
             }
             assert!(seen.as_flattened().iter().all(|count| *count > 0), "{n}: {seen:?}");
         }
+    }
+
+    /// A packet of a square, of this radiosity in all bands.
+    fn packet<const N: usize>(radiosity: f64) -> Packet<N> {
+        let frame = Frame { origin: DVec3::ZERO, u: DVec3::X, v: DVec3::Y, normal: DVec3::Z, area_m2: 1.0 };
+        let mut coefficients = [[0.0; N]; MAX_FUNCTIONS];
+        coefficients[0] = [radiosity; N];
+        let node = PacketNode { coefficients, detail: Default::default(), children: None };
+        Packet::new(0, 0, frame, None, Basis::M2, vec![node])
+    }
+
+    fn agree<const N: usize>(packet: &Packet<N>, recent: &mut RecentNodes) {
+        let mut cells = vec![packet.root()];
+        for index in 0..REMEMBERED {
+            let parent = cells[index / 4].clone();
+            cells.extend(packet.child(&parent, packet.split_of(&parent), index % 4));
+        }
+        // Forwards and backwards, so that some are remembered and others not.
+        for cell in cells.iter().chain(cells.iter().rev()) {
+            for n in 1..=3 {
+                let (found, made) = (recent.get(packet, cell, n), Nodes::of_cell(packet, cell, n));
+                assert_eq!(
+                    (found.count, found.position, found.weighted),
+                    (made.count, made.position, made.weighted)
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_remembered_is_what_would_be_made() {
+        let mut recent = RecentNodes::default();
+        agree(&packet::<3>(1.0), &mut recent);
+        agree(&packet::<3>(2.0), &mut recent);
+        agree(&packet::<1>(1.0), &mut recent);
+        let copied = packet::<1>(3.0);
+        assert_eq!(copied.id(), copied.clone().id());
+        assert_ne!(copied.id(), packet::<1>(3.0).id());
     }
 }

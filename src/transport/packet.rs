@@ -4,6 +4,7 @@
 //! matters; deeper ones are made on the fly by pushing coefficients down.
 
 use std::sync::OnceLock;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use glam::{DVec2, DVec3};
 use wide::f64x4;
@@ -17,6 +18,8 @@ use crate::scene::{Frame, Surface};
 /// What one surface has to shoot, `N` bands.
 #[derive(Clone, Debug)]
 pub struct Packet<const N: usize> {
+    /// Which packet it is; its copies are the same.
+    id: u64,
     /// Index of the surface.
     pub surface: u32,
     /// Its face, which never shadows it.
@@ -98,7 +101,14 @@ impl<const N: usize> Packet<N> {
         basis: Basis,
         nodes: Vec<PacketNode<N>>,
     ) -> Self {
-        Self { surface: index, face, frame, outline, basis, nodes, root_nodes: Default::default() }
+        static PACKETS: AtomicU64 = AtomicU64::new(0);
+        let id = PACKETS.fetch_add(1, Relaxed);
+        Self { id, surface: index, face, frame, outline, basis, nodes, root_nodes: Default::default() }
+    }
+
+    /// A number that no other packet has, whatever it holds, but its copies do.
+    pub(super) fn id(&self) -> u64 {
+        self.id
     }
 
     /// Bytes that it takes.

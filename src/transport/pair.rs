@@ -11,6 +11,7 @@
 use super::Clusters;
 use super::candidates::Candidates;
 use super::descent::{Aim, Descent};
+use super::nodes::RecentNodes;
 use super::receiver::{Deposited, Patch, Receiver};
 use super::recording::Recording;
 use super::samples::SampleRules;
@@ -74,7 +75,7 @@ impl Rules {
 }
 
 /// Working memory and counts of one worker.
-#[derive(Clone, Debug, Default)]
+#[derive(Debug, Default)]
 pub struct Scratch {
     /// Stack of blocker lists.
     pub candidates: Vec<u32>,
@@ -82,6 +83,8 @@ pub struct Scratch {
     pub last_blocker: u32,
     /// Parts of emitter cells left visible.
     pub fragments: Fragments,
+    /// Nodes of emitter cells that were looked at lately.
+    pub(super) nodes: RecentNodes,
     /// What looks see, for links that are to be kept.
     pub(super) recording: Recording,
     /// What was done.

@@ -156,7 +156,7 @@ impl<const N: usize> Gather<'_, N> {
         let make = || Box::new(Nodes::new(&self.packet.frame, self.packet.basis, &unit.sent, n));
         let nodes = || ready.unit[n - 1].get_or_init(make).as_ref();
         let row = if how.closed_form & 1 << p != 0 {
-            self.near(x, &unit.sent, nodes, how.constant & 1 << p != 0)
+            self.near(x, &unit.sent, |_| nodes(), how.constant & 1 << p != 0)
         } else {
             self.far(x, nodes())
         };

@@ -11,7 +11,7 @@ pub struct Work {
     pub kernel_evaluations: u64,
     /// Evaluations of Lambert's closed form.
     pub lambert_evaluations: u64,
-    /// Segments tested for visibility, and rays that tell whether light leaves the scene.
+    /// Segments tested for visibility.
     pub visibility_rays: u64,
     /// Of these, the ones tested against a shaft's few candidates instead of all faces.
     pub rays_listed: u64,
