@@ -133,7 +133,9 @@ fn result(solved: &Solved) -> Outcome {
         energy_balance: energy_balance(solution),
         transport_lost: match outcome.statistics.lost {
             Some(lost) => Known::Value(lost),
-            None => Known::unavailable("only known where light is reflected on and hardly any leaves"),
+            None => Known::unavailable(
+                "only known where surfaces alone emit, light is reflected on, and hardly any leaves",
+            ),
         },
         incomplete: solution.incomplete,
     }

@@ -1,43 +1,77 @@
-//! The ambient correction: what is still to arrive, spread as interreflection so far has spread.
+//! The ambient correction: what is still to arrive, spread as light so far has spread.
 //!
 //! Of the unshot power U a share κ (received over shot so far) arrives, of that a share ρ̄ is reflected again, and so on:
-//! `F = κU/(1 − κρ̄)` in all. Where it is known how much light leaves, none or little, all else must arrive, also what transport has lost on the
-//! way: with what is missing, A, the power that all surfaces send less what leaves and what they receive, `F = A/(1 − ρ̄)`, after which sent
-//! and received are the same. What is lost counts for little where walls are dark, and a thousand times where they reflect 0.999. Surfaces
-//! get F in proportion to what they received by interreflection, so that a dark room beside a bright one stays dark.
+//! `F = κU/(1 − κρ̄)` in all. Surfaces get it in proportion to what they received by interreflection, so that a dark room beside a bright
+//! one stays dark.
+//!
+//! Where hardly any light leaves, all must arrive, also what transport has lost on the way: with what is missing, A, the power that all surfaces
+//! send less what they receive, that is `L = A − U`. Surfaces get it in proportion to all that they
+//! received, since nothing tells where it was lost, and reflect a share ρ' of it: `F = (U + ρ'L)/(1 − ρ̄)`. Then sent and received are the
+//! same. What is lost counts for little where walls are dark, and a thousand times where they reflect 0.999.
 
 use super::state::Tree;
 
-/// Adds the correction to all trees, per band: `shot_w` is the power sent by interreflection so far, `missing_w` what is missing
-/// in all where that is known.
+/// Adds the correction to all trees, per band: `shot_w` is the power sent by interreflection so far, `missing_w` what is missing in all where
+/// hardly any light leaves.
 pub fn add_ambient<const N: usize>(trees: &mut [Tree<N>], shot_w: &[f64; N], missing_w: Option<&[f64; N]>) {
+    let (all, indirect) = (Received::new(trees, received_w), Received::new(trees, indirect_w));
     let mut unshot_w = [0.0; N];
-    let mut indirect_w = [0.0; N];
-    let mut reflected_w = [0.0; N];
     for tree in trees.iter() {
-        let unshot = tree.unshot_by_band_w();
-        for n in 0..N {
-            unshot_w[n] += unshot[n];
-            indirect_w[n] += tree.indirect_w[n].max(0.0);
-            reflected_w[n] += tree.patch.reflectance[n] * tree.indirect_w[n].max(0.0);
-        }
+        let of_tree_w = tree.unshot_by_band_w();
+        (0..N).for_each(|n| unshot_w[n] += of_tree_w[n]);
     }
-    let scale: [f64; N] = std::array::from_fn(|n| {
-        if shot_w[n] <= 0.0 || indirect_w[n] <= 0.0 {
-            return 0.0;
+    // How many times what was received in all and by interreflection is to come.
+    let shares: [(f64, f64); N] = std::array::from_fn(|n| {
+        if shot_w[n] <= 0.0 || indirect.power_w[n] <= 0.0 || all.power_w[n] <= 0.0 {
+            return (0.0, 0.0);
         }
-        let reflectance = reflected_w[n] / indirect_w[n];
-        let (captured, missing_w) = match missing_w {
-            Some(missing_w) => (1.0, missing_w[n]),
-            None => {
-                let captured = (indirect_w[n] / shot_w[n]).min(1.0);
-                (captured, captured * unshot_w[n])
-            }
+        let (captured, lost_w) = match missing_w {
+            Some(missing_w) => (1.0, missing_w[n] - unshot_w[n]),
+            None => ((indirect.power_w[n] / shot_w[n]).min(1.0), 0.0),
         };
-        missing_w / (1.0 - captured * reflectance) / indirect_w[n]
+        let reflected_w = captured * unshot_w[n] + all.reflectance(n) * lost_w;
+        let to_come_w = reflected_w / (1.0 - captured * indirect.reflectance(n));
+        (lost_w / all.power_w[n], to_come_w / indirect.power_w[n])
     });
     for tree in trees.iter_mut() {
-        let ambient = std::array::from_fn(|n| scale[n] * tree.indirect_w[n].max(0.0) / tree.area_m2);
+        let (received_w, indirect_w) = (received_w(tree), indirect_w(tree));
+        let ambient = std::array::from_fn(|n| {
+            (shares[n].0 * received_w[n] + shares[n].1 * indirect_w[n]) / tree.area_m2
+        });
         tree.root.add_ambient(ambient);
+    }
+}
+
+/// What a tree received in all, in W per band.
+fn received_w<const N: usize>(tree: &Tree<N>) -> [f64; N] {
+    tree.root.mean_irradiance().map(|irradiance| (irradiance * tree.area_m2).max(0.0))
+}
+
+/// What it received by interreflection.
+fn indirect_w<const N: usize>(tree: &Tree<N>) -> [f64; N] {
+    tree.indirect_w.map(|power_w| power_w.max(0.0))
+}
+
+/// What all trees received, and what they reflect of it, in W per band.
+struct Received<const N: usize> {
+    power_w: [f64; N],
+    reflected_w: [f64; N],
+}
+
+impl<const N: usize> Received<N> {
+    fn new(trees: &[Tree<N>], of: impl Fn(&Tree<N>) -> [f64; N]) -> Self {
+        let mut sum = Self { power_w: [0.0; N], reflected_w: [0.0; N] };
+        for tree in trees {
+            let power_w = of(tree);
+            for n in 0..N {
+                sum.power_w[n] += power_w[n];
+                sum.reflected_w[n] += tree.patch.reflectance[n] * power_w[n];
+            }
+        }
+        sum
+    }
+
+    fn reflectance(&self, n: usize) -> f64 {
+        self.reflected_w[n] / self.power_w[n]
     }
 }

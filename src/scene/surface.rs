@@ -66,11 +66,11 @@ pub struct Surface {
 const TRIES: usize = 1000;
 
 impl Surface {
-    /// A point of the polygon in a cell, in the parameters of the frame, from numbers that are uniform in [0, 1).
-    pub fn point_in(&self, cell: &Cell, mut uniform: impl FnMut() -> f64) -> DVec2 {
+    /// A point of the polygon in a cell, in the parameters of the frame, from numbers that are uniform in [0, 1); `None` where the polygon is missed
+    /// again and again.
+    pub fn point_in(&self, cell: &Cell, mut uniform: impl FnMut() -> f64) -> Option<DVec2> {
         let mut tries = (0..TRIES).map(|_| cell.to_surface(DVec2::new(uniform(), uniform())));
-        let uv = tries.find(|uv| self.full || polygon::contains(&self.outline, *uv));
-        uv.unwrap_or(self.outline[0])
+        tries.find(|uv| self.full || polygon::contains(&self.outline, *uv))
     }
 
     /// The point of the polygon's boundary nearest to the parameters `uv`, and how far it is in metres.

@@ -111,7 +111,7 @@ pub fn solve_by(
         let solve = |team: Option<&mut Team>| {
             let mut crew = Crew::new(team, memory, surfaces)?;
             let occluders = crew.copy(occluder.bytes(), || occluder.replica())?;
-            let means = Means { batches, crew: &mut crew, occluders, leaks: false, watch };
+            let means = Means { batches, crew: &mut crew, occluders, watch };
             solve_in_bands(scene, surfaces, None, occluder, options, means)
         };
         match counters {
@@ -133,13 +133,7 @@ pub fn solve_emitting(
 ) -> Outcome {
     let solved = observed(observer, |watch| {
         let mut crew = Crew::new(None, Memory::default(), surfaces)?;
-        let means = Means {
-            batches: Batches::default(),
-            crew: &mut crew,
-            occluders: Copies::none(),
-            leaks: false,
-            watch,
-        };
+        let means = Means { batches: Batches::default(), crew: &mut crew, occluders: Copies::none(), watch };
         solve_in_bands(scene, surfaces, Some(exitance), occluder, options, means)
     });
     solved.unwrap_or_else(|panic: WorkerPanic| unreachable!("there is no team, and yet {panic}"))
@@ -156,7 +150,7 @@ pub fn solve_recorded(
 ) -> (Outcome, Record) {
     let solved = observed(observer, |watch| {
         let mut crew = Crew::recording(surfaces);
-        let means = Means { batches, crew: &mut crew, occluders: Copies::none(), leaks: false, watch };
+        let means = Means { batches, crew: &mut crew, occluders: Copies::none(), watch };
         let outcome = solve_in_bands(scene, surfaces, None, occluder, options, means)?;
         Ok((outcome, crew.into_record().unwrap_or_default()))
     });
@@ -186,8 +180,8 @@ struct Run<'a, const N: usize> {
     lamps: Vec<Lamp<N>>,
     /// What surfaces emit.
     emitters: Vec<Packet<N>>,
-    /// All of that, in W per band.
-    emitted_w: [f64; N],
+    /// All of that by surface, in W per band.
+    emitted_w: Vec<[f64; N]>,
     /// The norm of reflected radiosity in W/m, guessed.
     even_norm_w_m: f64,
     /// Area-weighted mean over surfaces of the largest reflectance over bands.
@@ -201,8 +195,6 @@ struct Means<'c, 't, 'w> {
     crew: &'c mut Crew<'t>,
     /// Copies of the visibility structure near the workers.
     occluders: Copies<Box<dyn Occluder + Send>>,
-    /// Whether more light leaves the scene than can be told well.
-    leaks: bool,
     watch: &'w Watch,
 }
 
@@ -244,10 +236,10 @@ impl<'a, const N: usize> Run<'a, N> {
         };
         let packet = |(i, field): &(usize, Field)| field_packet(*i, &surfaces[*i], field, |_, _, m| m);
         let emitters: Vec<Packet<N>> = fields.iter().map(packet).collect();
-        let mut emitted_w = [0.0; N];
+        let mut emitted_w = vec![[0.0; N]; surfaces.len()];
         for (i, field) in &fields {
             let power_w = field.power_w(&surfaces[*i]);
-            (0..N).for_each(|n| emitted_w[n] += power_w[n]);
+            emitted_w[*i] = std::array::from_fn(|n| power_w[n]);
         }
         let gain = rho / (1.0 - rho);
         Self {
@@ -410,17 +402,18 @@ impl<'a, const N: usize> Run<'a, N> {
         statistics: &mut PassStatistics,
         means: &mut Means<'_, '_, '_>,
     ) -> Result<Option<[f64; N]>, WorkerPanic> {
-        if means.leaks || !self.lamps.is_empty() || statistics.interrupted {
+        if !self.lamps.is_empty() || statistics.interrupted {
             return Ok(None);
         }
-        let balance = Balance::new(self.emitted_w, self.surfaces, trees, means.crew)?;
-        let Some(lost) = balance.lost(&[0.0; N]) else { return Ok(None) };
-        let rays = enclosure::rays(error, self.budget.gain, lost);
-        let leaves_w = enclosure::leaves_w(rays, self.surfaces, self.occluder, trees, means.crew)?;
-        means.leaks = leaves_w.is_none();
-        let Some(leaves_w) = leaves_w else { return Ok(None) };
-        statistics.lost = balance.lost(&leaves_w);
-        Ok(Some(balance.missing_w(&leaves_w)))
+        let balance = Balance::new(&self.emitted_w, self.surfaces, trees, means.crew)?;
+        let Some(lost) = balance.lost() else { return Ok(None) };
+        let wanted = (error, enclosure::gain(trees), lost);
+        let scene = (self.surfaces, self.occluder);
+        if !enclosure::keeps_light(wanted, &self.emitted_w, scene, trees, means.crew)? {
+            return Ok(None);
+        }
+        statistics.lost = Some(lost);
+        Ok(Some(balance.missing_w()))
     }
 
     fn rules(&self, threshold_w_m: f64, allowed_w_m: f64) -> Rules {

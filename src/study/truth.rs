@@ -73,7 +73,8 @@ pub fn spread(surfaces: &[Surface], count: usize) -> Vec<Point> {
         end += of.area_m2;
         // One in each step of the accumulated area, at the step's middle.
         while points.len() < count && (points.len() as f64 + 0.5) * step < end {
-            points.push(Point { surface, uv: of.point_in(&Cell::UNIT, &mut uniform) });
+            let uv = of.point_in(&Cell::UNIT, &mut uniform).unwrap_or(of.outline[0]);
+            points.push(Point { surface, uv });
         }
     }
     points
