@@ -8,9 +8,9 @@ use std::f64::consts::TAU;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use ccnuma::WorkerPanic;
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use rand_pcg::Pcg32;
-use rand_pcg::rand_core::Rng;
+use rand_pcg::rand_core::{Rng, SeedableRng};
 
 use crate::math::Cell;
 use crate::radiosity::Tree;
@@ -135,6 +135,7 @@ fn keep<const N: usize>(
         sides,
         occluder,
         off_m: off_m(trees),
+        layout: Layout::new(surfaces),
         per_ray_w: sent_w.iter().sum::<f64>() / rays,
         parts: AtomicU64::new(0),
     };
@@ -174,6 +175,7 @@ struct Leak<'a> {
     occluder: &'a dyn Occluder,
     /// How far off their surface rays start.
     off_m: f64,
+    layout: Layout,
     /// What a ray stands for on average.
     per_ray_w: f64,
     /// How many rays left, each by the share of its light that it took, in parts of one.
@@ -243,7 +245,7 @@ impl Leak<'_> {
         if rays.is_nan() || rays <= 0.0 || self.is_too_large() {
             return;
         }
-        let mut cast = Cast::new(tree, surface, emitted_w);
+        let mut cast = Cast::new(tree, surface, emitted_w, self.layout.seed(surface));
         for _ in 0..rays as u64 {
             let Some((origin, emitted)) = cast.origin() else { continue };
             let reflects = match self.meets(surface.face, origin, cast.direction()) {
@@ -273,6 +275,37 @@ impl Leak<'_> {
     }
 }
 
+/// Where surfaces lie, told so that it does not change with the scene's place, turn, scale, or order of faces.
+struct Layout {
+    middle: DVec3,
+    /// RMS distance of what there is from there.
+    spread_m: f64,
+    area_m2: f64,
+}
+
+impl Layout {
+    fn new(surfaces: &[Surface]) -> Self {
+        let area_m2: f64 = surfaces.iter().map(|s| s.area_m2).sum();
+        let middle = surfaces.iter().map(|s| s.area_m2 * centre(s)).sum::<DVec3>() / area_m2;
+        let square: f64 = surfaces.iter().map(|s| s.area_m2 * centre(s).distance_squared(middle)).sum();
+        Self { middle, spread_m: (square / area_m2).sqrt(), area_m2 }
+    }
+
+    /// What the rays of a surface are drawn from: hardly two surfaces of a scene have the same, and each has it wherever the scene stands.
+    fn seed(&self, surface: &Surface) -> u64 {
+        let parts = [centre(surface).distance(self.middle) / self.spread_m, surface.area_m2 / self.area_m2];
+        parts.into_iter().fold(SEED, |seed, part| {
+            // Coarser than by what rounding may change it.
+            (seed.rotate_left(32) ^ (1e6 * part).round() as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15)
+        })
+    }
+}
+
+/// The middle of a surface's parallelogram.
+fn centre(surface: &Surface) -> DVec3 {
+    surface.frame.point(DVec2::splat(0.5))
+}
+
 /// Rays from all over a surface: more of them where it sends more, and the steeper.
 struct Cast<'a> {
     surface: &'a Surface,
@@ -282,8 +315,8 @@ struct Cast<'a> {
 }
 
 impl<'a> Cast<'a> {
-    /// The same ones whenever they are cast from this surface.
-    fn new<const N: usize>(tree: &Tree<N>, surface: &'a Surface, emitted_w: &[f64; N]) -> Self {
+    /// The same ones for the same seed, seen from the surface.
+    fn new<const N: usize>(tree: &Tree<N>, surface: &'a Surface, emitted_w: &[f64; N], seed: u64) -> Self {
         let emitted_w_m2 =
             emitted_w.iter().map(|emitted_w| emitted_w.max(0.0)).sum::<f64>() / surface.area_m2;
         let (mut cells, mut up_to_w) = (Vec::new(), 0.0);
@@ -297,7 +330,7 @@ impl<'a> Cast<'a> {
                 cells.push((*cell, emitted_w / sent_w, up_to_w));
             }
         });
-        Self { surface, cells, random: Pcg32::new(SEED, u64::from(tree.patch.surface)) }
+        Self { surface, cells, random: Pcg32::seed_from_u64(seed) }
     }
 
     fn uniform(&mut self) -> f64 {
