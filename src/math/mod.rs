@@ -1,7 +1,8 @@
-//! The mathematics that knows no light: function bases, quadrature, planar polygons, vectors side by side.
+//! The mathematics that knows no light: function bases, quadrature, planar polygons, vectors side by side, chance.
 
 pub mod basis;
 pub mod cell;
+pub mod chance;
 pub mod lanes;
 pub mod polygon;
 pub mod quadrature;

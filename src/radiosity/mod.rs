@@ -11,7 +11,7 @@ pub mod ripples;
 pub mod solution;
 pub mod state;
 
-pub use ambient::add_ambient;
+pub use ambient::{Received, add_ambient};
 pub use element::{Element, ElementBytes};
 pub use emission::field_packet;
 pub use lure::{Form, Lure};

@@ -20,7 +20,7 @@ use super::batch::Batches;
 use super::budget::Budget;
 use super::copies::Copies;
 use super::crew::Crew;
-use super::enclosure::{self, Balance};
+use super::enclosure;
 use super::footprint::Footprint;
 use super::gathering::COARSER_PILOT;
 use super::guess::{self, even_norm_w_m};
@@ -227,19 +227,18 @@ impl<'a, const N: usize> Run<'a, N> {
         let (extent, target, basis) = (extent_m(scene), options.error, options.basis);
         let lamps = scene.lights.iter().map(|light| Lamp::new(light, extent)).collect();
         let emits = |s: &Surface| s.exitance_w_m2.iter().any(|m| *m > 0.0);
-        let even = |s: &Surface| Field::even(&s.exitance_w_m2);
-        let fields: Vec<(usize, Field)> = match exitance {
-            Some(fields) => fields.iter().cloned().enumerate().collect(),
-            None => {
-                surfaces.iter().enumerate().filter(|(_, s)| emits(s)).map(|(i, s)| (i, even(s))).collect()
-            }
+        let (mut emitters, mut emitted_w) = (Vec::new(), vec![[0.0; N]; surfaces.len()]);
+        let mut emit = |i: usize, field: &Field| {
+            emitters.push(field_packet(i, &surfaces[i], field, |_, _, m| m));
+            let power_w = field.power_w(&surfaces[i]);
+            emitted_w[i] = std::array::from_fn(|n| power_w[n]);
         };
-        let packet = |(i, field): &(usize, Field)| field_packet(*i, &surfaces[*i], field, |_, _, m| m);
-        let emitters: Vec<Packet<N>> = fields.iter().map(packet).collect();
-        let mut emitted_w = vec![[0.0; N]; surfaces.len()];
-        for (i, field) in &fields {
-            let power_w = field.power_w(&surfaces[*i]);
-            emitted_w[*i] = std::array::from_fn(|n| power_w[n]);
+        match exitance {
+            Some(fields) => fields.iter().enumerate().for_each(|(i, field)| emit(i, field)),
+            None => {
+                let lit = surfaces.iter().enumerate().filter(|(_, s)| emits(s));
+                lit.for_each(|(i, s)| emit(i, &Field::even(&s.exitance_w_m2)));
+            }
         }
         let gain = rho / (1.0 - rho);
         Self {
@@ -382,8 +381,14 @@ impl<'a, const N: usize> Run<'a, N> {
                 pass.interreflect(trees, (1.0, &mut shot_w), means.crew, watch, &mut statistics)?;
             }
         }
-        let missing_w = self.missing_w(trees, error, &mut statistics, means)?;
-        add_ambient(trees, &shot_w, missing_w.as_ref());
+        let lost = match self.lamps.is_empty() && !statistics.interrupted {
+            true => {
+                enclosure::lost(error, &self.emitted_w, (self.surfaces, self.occluder), trees, means.crew)?
+            }
+            false => None,
+        };
+        statistics.lost = lost.map(|lost| lost.share);
+        add_ambient(trees, &shot_w, lost.map(|lost| lost.power_w).as_ref());
         Ok(Attempt {
             statistics,
             threshold_w_m,
@@ -392,28 +397,6 @@ impl<'a, const N: usize> Run<'a, N> {
             repeated,
             unshot_error: budget.unshot_error_w_m(statistics.unshot_w),
         })
-    }
-
-    /// What surfaces should receive beyond what they do, in W per band, where hardly any light leaves the scene; `None` elsewhere.
-    fn missing_w(
-        &self,
-        trees: &mut [Tree<N>],
-        error: f64,
-        statistics: &mut PassStatistics,
-        means: &mut Means<'_, '_, '_>,
-    ) -> Result<Option<[f64; N]>, WorkerPanic> {
-        if !self.lamps.is_empty() || statistics.interrupted {
-            return Ok(None);
-        }
-        let balance = Balance::new(&self.emitted_w, self.surfaces, trees, means.crew)?;
-        let Some(lost) = balance.lost() else { return Ok(None) };
-        let wanted = (error, enclosure::gain(trees), lost);
-        let scene = (self.surfaces, self.occluder);
-        if !enclosure::keeps_light(wanted, &self.emitted_w, scene, trees, means.crew)? {
-            return Ok(None);
-        }
-        statistics.lost = Some(lost);
-        Ok(Some(balance.missing_w()))
     }
 
     fn rules(&self, threshold_w_m: f64, allowed_w_m: f64) -> Rules {

@@ -10,10 +10,11 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use ccnuma::WorkerPanic;
 use glam::{DVec2, DVec3};
 use rand_pcg::Pcg32;
-use rand_pcg::rand_core::{Rng, SeedableRng};
+use rand_pcg::rand_core::SeedableRng;
 
 use crate::math::Cell;
-use crate::radiosity::Tree;
+use crate::math::chance::uniform;
+use crate::radiosity::{Received, Tree};
 use crate::scene::{Frame, Surface};
 use crate::visibility::{Occluder, OpaqueFaces};
 
@@ -39,115 +40,60 @@ const SEED: u64 = 1998;
 /// Rays that leave are counted in such parts of one, so that the sum does not depend on the order.
 const PARTS: f64 = 1e6;
 
-/// What surfaces send and receive all together, in W per band.
+/// What transport has lost, or made where it is negative.
 #[derive(Clone, Copy)]
-pub(super) struct Balance<const N: usize> {
-    /// What they emit and reflect.
-    pub sent_w: [f64; N],
-    pub received_w: [f64; N],
-    /// What they have not sent on yet.
-    pub unshot_w: [f64; N],
+pub(super) struct Lost<const N: usize> {
+    /// In W per band.
+    pub power_w: [f64; N],
+    /// As a share of all that surfaces send.
+    pub share: f64,
 }
 
-impl<const N: usize> Balance<N> {
-    /// Of surfaces that emit `emitted_w` each.
-    pub fn new(
-        emitted_w: &[[f64; N]],
-        surfaces: &[Surface],
-        trees: &mut [Tree<N>],
-        crew: &mut Crew<'_>,
-    ) -> Result<Self, WorkerPanic> {
-        let received = |tree: &mut Tree<N>| {
-            let received_w = tree.field().power_w(&surfaces[tree.patch.surface as usize]);
-            (std::array::from_fn(|n| received_w[n]), tree.unshot_by_band_w())
-        };
-        let powers_w: Vec<([f64; N], [f64; N])> = crew.map(trees, |_| true, received)?;
-        let mut balance = Self { sent_w: [0.0; N], received_w: [0.0; N], unshot_w: [0.0; N] };
-        for ((tree, emitted_w), (received_w, unshot_w)) in trees.iter().zip(emitted_w).zip(powers_w) {
-            for n in 0..N {
-                balance.sent_w[n] += emitted_w[n] + tree.patch.reflectance[n] * received_w[n];
-                balance.received_w[n] += received_w[n];
-                balance.unshot_w[n] += unshot_w[n];
-            }
-        }
-        Ok(balance)
-    }
-
-    /// What all of them should receive beyond what they do where none leaves.
-    pub fn missing_w(&self) -> [f64; N] {
-        std::array::from_fn(|n| self.sent_w[n] - self.received_w[n])
-    }
-
-    /// The share of what is sent that transport has lost, or made if it is negative, where none leaves; `None` where nothing is sent, or where so
-    /// much is missing that it was never found.
-    pub fn lost(&self) -> Option<f64> {
-        let sent_w: f64 = self.sent_w.iter().sum();
-        let lost_w = self.missing_w().iter().sum::<f64>() - self.unshot_w.iter().sum::<f64>();
-        (sent_w > 0.0).then(|| lost_w / sent_w).filter(|lost| lost.abs() <= MOST_LOST)
-    }
-}
-
-/// How many times a watt comes back for each that arrives, `ρ/(1 − ρ)` for the reflectance of what interreflection lights.
-pub(super) fn gain<const N: usize>(trees: &[Tree<N>]) -> f64 {
-    let gain = |n: usize| {
-        let sum = |of: &dyn Fn(&Tree<N>) -> f64| -> f64 {
-            trees.iter().map(|tree| of(tree) * tree.indirect_w[n].max(0.0)).sum()
-        };
-        let (all_w, reflected_w) = (sum(&|_| 1.0), sum(&|tree| tree.patch.reflectance[n]));
-        if all_w > 0.0 { reflected_w / (all_w - reflected_w) } else { 0.0 }
-    };
-    (0..N).map(gain).fold(0.0, f64::max)
-}
-
-/// Whether so little light leaves that it does not matter to an error of `error`, where a watt comes back `gain` times and a share `lost` is lost
-/// or leaves; `emitted_w` is what surfaces emit, in W per band.
-pub(super) fn keeps_light<const N: usize>(
-    (error, gain, lost): (f64, f64, f64),
-    emitted_w: &[[f64; N]],
-    scene: (&[Surface], &dyn Occluder),
-    trees: &mut [Tree<N>],
-    crew: &mut Crew<'_>,
-) -> Result<bool, WorkerPanic> {
-    let rays = MOST_MEANT * gain / (UNKNOWN * error);
-    let is_little = gain * lost.abs() <= UNKNOWN * error;
-    if rays > MOST_RAYS || !keep(FIRST_RAYS, emitted_w, scene, trees, crew)? {
-        return Ok(false);
-    }
-    if rays <= FIRST_RAYS || is_little {
-        return Ok(true);
-    }
-    keep(rays, emitted_w, scene, trees, crew)
-}
-
-/// Whether of about so many rays no more leave than may.
-fn keep<const N: usize>(
-    rays: f64,
+/// What transport has lost; `None` where more light leaves than matters to an error of `error`, where nothing is sent, or where so much is missing
+/// that it was never found. `emitted_w` is what surfaces emit each, in W per band.
+pub(super) fn lost<const N: usize>(
+    error: f64,
     emitted_w: &[[f64; N]],
     (surfaces, occluder): (&[Surface], &dyn Occluder),
     trees: &mut [Tree<N>],
     crew: &mut Crew<'_>,
-) -> Result<bool, WorkerPanic> {
-    let sent_w: Vec<f64> =
-        crew.map(trees, |_| true, |tree| sent_w(tree, &emitted_w[tree.patch.surface as usize]))?;
-    let (firsts, sides) = sides(surfaces, occluder.faces());
-    let leak = Leak {
-        firsts,
-        sides,
-        occluder,
-        off_m: off_m(trees),
-        layout: Layout::new(surfaces),
-        per_ray_w: sent_w.iter().sum::<f64>() / rays,
-        parts: AtomicU64::new(0),
+) -> Result<Option<Lost<N>>, WorkerPanic> {
+    let Some(lost) = lost_or_left(emitted_w, surfaces, trees, crew)? else { return Ok(None) };
+    let gain = Received::indirect(trees).gain();
+    let rays = MOST_MEANT * gain / (UNKNOWN * error);
+    if rays > MOST_RAYS {
+        return Ok(None);
+    }
+    let mut leak = Leak::new(emitted_w, surfaces, occluder, trees, crew)?;
+    let is_little = rays <= FIRST_RAYS || gain * lost.share.abs() <= UNKNOWN * error;
+    let keeps = leak.is_small(FIRST_RAYS, trees, crew)? && (is_little || leak.is_small(rays, trees, crew)?);
+    Ok(keeps.then_some(lost))
+}
+
+/// What transport has lost, and what leaves.
+fn lost_or_left<const N: usize>(
+    emitted_w: &[[f64; N]],
+    surfaces: &[Surface],
+    trees: &mut [Tree<N>],
+    crew: &mut Crew<'_>,
+) -> Result<Option<Lost<N>>, WorkerPanic> {
+    let of_tree = |tree: &mut Tree<N>| {
+        let received_w = tree.field().power_w(&surfaces[tree.patch.surface as usize]);
+        (std::array::from_fn(|n| received_w[n]), tree.unshot_by_band_w())
     };
-    crew.map(
-        trees,
-        |_| true,
-        |tree| {
-            let index = tree.patch.surface as usize;
-            leak.look_from(tree, &surfaces[index], &emitted_w[index], sent_w[index]);
-        },
-    )?;
-    Ok(!leak.is_too_large())
+    let powers_w: Vec<([f64; N], [f64; N])> = crew.map(trees, |_| true, of_tree)?;
+    let (mut sent_w, mut received_w, mut unshot_w) = ([0.0; N], [0.0; N], [0.0; N]);
+    for ((tree, emitted_w), (of_tree_w, of_tree_unshot_w)) in trees.iter().zip(emitted_w).zip(powers_w) {
+        for n in 0..N {
+            sent_w[n] += emitted_w[n] + tree.patch.reflectance[n] * of_tree_w[n];
+            received_w[n] += of_tree_w[n];
+            unshot_w[n] += of_tree_unshot_w[n];
+        }
+    }
+    let power_w: [f64; N] = std::array::from_fn(|n| sent_w[n] - received_w[n] - unshot_w[n]);
+    let (all_w, sent_w) = (power_w.iter().sum::<f64>(), sent_w.iter().sum::<f64>());
+    let lost = (sent_w > 0.0).then(|| Lost { power_w, share: all_w / sent_w });
+    Ok(lost.filter(|lost| lost.share.abs() <= MOST_LOST))
 }
 
 /// How far off their surface rays start.
@@ -168,14 +114,18 @@ fn sent_w<const N: usize>(tree: &Tree<N>, emitted_w: &[f64; N]) -> f64 {
 }
 
 /// Where light leaves a scene, and how many rays did.
-struct Leak<'a> {
+struct Leak<'a, const N: usize> {
+    surfaces: &'a [Surface],
+    occluder: &'a dyn Occluder,
+    /// What surfaces emit, in W per band, and send in all, in W.
+    emitted_w: &'a [[f64; N]],
+    sent_w: Vec<f64>,
     /// By face: where its sides stand.
     firsts: Vec<u32>,
     sides: Vec<Receiving>,
-    occluder: &'a dyn Occluder,
+    layout: Layout,
     /// How far off their surface rays start.
     off_m: f64,
-    layout: Layout,
     /// What a ray stands for on average.
     per_ray_w: f64,
     /// How many rays left, each by the share of its light that it took, in parts of one.
@@ -227,25 +177,49 @@ fn corners(vertices: &[DVec3]) -> Vec<[u64; 3]> {
     corners
 }
 
-impl Leak<'_> {
+impl<'a, const N: usize> Leak<'a, N> {
+    fn new(
+        emitted_w: &'a [[f64; N]],
+        surfaces: &'a [Surface],
+        occluder: &'a dyn Occluder,
+        trees: &mut [Tree<N>],
+        crew: &mut Crew<'_>,
+    ) -> Result<Self, WorkerPanic> {
+        let sent_w =
+            crew.map(trees, |_| true, |tree| sent_w(tree, &emitted_w[tree.patch.surface as usize]))?;
+        let (firsts, sides) = sides(surfaces, occluder.faces());
+        let (layout, off_m) = (Layout::new(surfaces), off_m(trees));
+        let (per_ray_w, parts) = (0.0, AtomicU64::new(0));
+        Ok(Self { surfaces, occluder, emitted_w, sent_w, firsts, sides, layout, off_m, per_ray_w, parts })
+    }
+
+    /// Whether of about so many rays no more leave than may.
+    fn is_small(
+        &mut self,
+        rays: f64,
+        trees: &mut [Tree<N>],
+        crew: &mut Crew<'_>,
+    ) -> Result<bool, WorkerPanic> {
+        self.per_ray_w = self.sent_w.iter().sum::<f64>() / rays;
+        self.parts = AtomicU64::new(0);
+        crew.map(trees, |_| true, |tree| self.look_from(tree))?;
+        Ok(!self.is_too_large())
+    }
+
     fn is_too_large(&self) -> bool {
         self.parts.load(Relaxed) as f64 > MOST_LEAVE * PARTS
     }
 
-    /// Casts rays from a surface that emits `emitted_w` and sends `sent_w` in all.
-    fn look_from<const N: usize>(
-        &self,
-        tree: &Tree<N>,
-        surface: &Surface,
-        emitted_w: &[f64; N],
-        sent_w: f64,
-    ) {
+    /// Casts rays from a surface.
+    fn look_from(&self, tree: &Tree<N>) {
+        let index = tree.patch.surface as usize;
+        let (surface, sent_w) = (&self.surfaces[index], self.sent_w[index]);
         // A whole number that rounding adds to is still that number.
         let rays = (sent_w / self.per_ray_w - 1e-6).ceil();
         if rays.is_nan() || rays <= 0.0 || self.is_too_large() {
             return;
         }
-        let mut cast = Cast::new(tree, surface, emitted_w, self.layout.seed(surface));
+        let mut cast = Cast::new(tree, surface, &self.emitted_w[index], self.layout.seed(surface));
         for _ in 0..rays as u64 {
             let Some((origin, emitted)) = cast.origin() else { continue };
             let reflects = match self.meets(surface.face, origin, cast.direction()) {
@@ -333,23 +307,19 @@ impl<'a> Cast<'a> {
         Self { surface, cells, random: Pcg32::seed_from_u64(seed) }
     }
 
-    fn uniform(&mut self) -> f64 {
-        f64::from(self.random.next_u32()) / 2f64.powi(32)
-    }
-
     /// Where the next ray starts, and what share of what is sent there is emitted; `None` where there is no such place.
     fn origin(&mut self) -> Option<(DVec3, f64)> {
-        let at_w = self.cells.last()?.2 * self.uniform();
+        let at_w = self.cells.last()?.2 * uniform(&mut self.random);
         let index = self.cells.partition_point(|(_, _, up_to_w)| *up_to_w <= at_w);
         let (cell, emitted, _) = *self.cells.get(index).or(self.cells.last())?;
         let surface = self.surface;
-        let uv = surface.point_in(&cell, || self.uniform())?;
+        let uv = surface.point_in(&cell, || uniform(&mut self.random))?;
         Some((surface.frame.point(uv), emitted))
     }
 
     /// The direction of a ray, by Malley: a point of a disc, lifted onto the hemisphere.
     fn direction(&mut self) -> DVec3 {
-        let (square, turn) = (self.uniform(), TAU * self.uniform());
+        let (square, turn) = (uniform(&mut self.random), TAU * uniform(&mut self.random));
         let Frame { u, normal, .. } = self.surface.frame;
         let x = u.normalize();
         let y = normal.cross(x);
@@ -389,10 +359,8 @@ mod tests {
         let bvh = Bvh::new(OpaqueFaces::new(scene));
         let mut crew = Crew::new(None, Memory::default(), &surfaces).unwrap();
         let emitted_w: Vec<[f64; 3]> = surfaces.iter().map(emitted).collect();
-        let balance = Balance::new(&emitted_w, &surfaces, &mut trees, &mut crew).unwrap();
-        let area_m2: f64 = surfaces.iter().map(|surface| surface.area_m2).sum();
-        assert!((balance.received_w[1] / area_m2 - 1.0).abs() < 1e-12);
-        keep(rays, &emitted_w, (&surfaces, &bvh), &mut trees, &mut crew).unwrap()
+        let mut leak = Leak::new(&emitted_w, &surfaces, &bvh, &mut trees, &mut crew).unwrap();
+        leak.is_small(rays, &mut trees, &mut crew).unwrap()
     }
 
     fn emitted(surface: &Surface) -> [f64; 3] {
@@ -448,19 +416,28 @@ mod tests {
         for (z, half) in [(1.0, 0.1), (1.01, 1.0)] {
             scene.faces.push(Face { vertices: square(z, half), material, sides: crate::scene::Sides::One });
         }
-        scene.materials[material as usize].exitance_w_m2 = vec![100.0; 3];
         assert!(!keeps(1e4, &scene));
     }
 
+    /// Where 1 W/m² falls everywhere and half of it is reflected, half a W/m² must be emitted; what is off by more than a tenth was never found.
     #[test]
-    fn the_more_is_reflected_the_larger_the_gain() {
+    fn what_is_sent_and_not_received_is_lost() {
         let surfaces = surfaces(&room().0);
         let mut trees = trees::<3>(&surfaces, Basis::Haar, &Arena::new(Backend::Malloc));
-        assert_eq!(gain(&trees), 0.0, "dark");
         for tree in &mut trees {
-            tree.patch.reflectance = [0.5, 0.9, 0.1];
-            tree.indirect_w = [1.0; 3];
+            tree.patch.reflectance = [0.5; 3];
+            tree.root.add_ambient([1.0; 3]);
         }
-        assert!((gain(&trees) - 9.0).abs() < 1e-9);
+        let mut crew = Crew::new(None, Memory::default(), &surfaces).unwrap();
+        let area_m2: f64 = surfaces.iter().map(|surface| surface.area_m2).sum();
+        for (exitance, lost) in [(0.5, Some(0.0)), (0.55, Some(0.05 / 1.05)), (0.4, None)] {
+            let emitted_w: Vec<[f64; 3]> = surfaces.iter().map(|s| [exitance * s.area_m2; 3]).collect();
+            let found = lost_or_left(&emitted_w, &surfaces, &mut trees, &mut crew).unwrap();
+            assert_eq!(found.is_some(), lost.is_some());
+            for (found, lost) in found.iter().zip(lost) {
+                assert!((found.share - lost).abs() < 1e-12);
+                assert!((found.power_w[1] - (exitance - 0.5) * area_m2).abs() < 1e-9);
+            }
+        }
     }
 }

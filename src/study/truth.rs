@@ -5,11 +5,12 @@
 
 use glam::DVec2;
 use rand_pcg::Pcg32;
-use rand_pcg::rand_core::{Rng, SeedableRng};
+use rand_pcg::rand_core::SeedableRng;
 use serde::Serialize;
 
 use super::statistics::Spread;
 use crate::math::Cell;
+use crate::math::chance::uniform;
 use crate::radiosity::Solution;
 use crate::radiosity::probe::{Probe, read_probes};
 use crate::scene::Surface;
@@ -65,7 +66,6 @@ impl Deviation {
 /// `count` points spread evenly over the surfaces by area: each stands for the same share of it.
 pub fn spread(surfaces: &[Surface], count: usize) -> Vec<Point> {
     let mut random = Pcg32::seed_from_u64(SEED);
-    let mut uniform = move || f64::from(random.next_u32()) / 2f64.powi(32);
     let step = surfaces.iter().map(|s| s.area_m2).sum::<f64>() / count as f64;
     let mut points = Vec::with_capacity(count);
     let mut end = 0.0;
@@ -73,7 +73,7 @@ pub fn spread(surfaces: &[Surface], count: usize) -> Vec<Point> {
         end += of.area_m2;
         // One in each step of the accumulated area, at the step's middle.
         while points.len() < count && (points.len() as f64 + 0.5) * step < end {
-            let uv = of.point_in(&Cell::UNIT, &mut uniform).unwrap_or(of.outline[0]);
+            let uv = of.point_in(&Cell::UNIT, || uniform(&mut random)).unwrap_or(of.outline[0]);
             points.push(Point { surface, uv });
         }
     }

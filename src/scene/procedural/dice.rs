@@ -4,6 +4,8 @@
 use rand_pcg::Pcg32;
 use rand_pcg::rand_core::{Rng, SeedableRng};
 
+use crate::math::chance::uniform;
+
 /// A stream of chances.
 pub(super) struct Dice(Pcg32);
 
@@ -15,7 +17,7 @@ impl Dice {
 
     /// A number in `[low, high)`.
     pub fn between(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * f64::from(self.0.next_u32()) / (f64::from(u32::MAX) + 1.0)
+        low + (high - low) * uniform(&mut self.0)
     }
 
     /// A number below `n`, which is above 0.
