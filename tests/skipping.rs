@@ -165,5 +165,5 @@ fn equal_bands_are_one() {
     }
     let apart = (square / norm).sqrt();
     println!("{apart:.1e} apart");
-    assert!(apart <= 0.5 * ERROR, "{apart}");
+    assert!(apart <= 1e-12, "{apart}");
 }

@@ -3,6 +3,7 @@
 use ccnuma::Arena;
 use glam::{DVec2, DVec3};
 
+use super::gather::norm;
 use super::packet::Shape;
 use super::stored::Links;
 use crate::math::Split;
@@ -49,10 +50,11 @@ impl<const N: usize> Patch<N> {
         self.reflectance.iter().copied().fold(least_reflectance, f64::max)
     }
 
-    /// Bound on the mean radiosity, all bands, that irradiance with these coefficients causes: `Σ ‖ρ b_l‖ ∫|φ_l|`.
+    /// Bound on the mean radiosity that irradiance with these coefficients causes, a norm over bands as errors are: `Σ ‖ρ b_l‖ ∫|φ_l|`.
     pub fn reflected_w_m2(&self, light: &[[f64; N]; MAX_FUNCTIONS]) -> f64 {
         // ∫|φ_l| is 1 for the mean and at most 0.87 for the others.
-        let reflected = |c: &[f64; N]| (0..N).map(|n| self.reflectance[n] * c[n].abs()).sum::<f64>();
+        let reflected =
+            |c: &[f64; N]| norm(&std::array::from_fn::<f64, N, _>(|n| self.reflectance[n] * c[n]));
         reflected(&light[0]) + 0.87 * light[1..].iter().map(reflected).sum::<f64>()
     }
 }
