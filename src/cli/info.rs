@@ -9,7 +9,8 @@ use crate::output::units::{count, percent};
 use crate::scene::{self, Cut, Scene, Sides, Surface, describe};
 use crate::visibility::nothing_between;
 
-use super::{Error, Status, grey, print};
+use super::bands::Collapsed;
+use super::{Error, Status, print};
 
 /// Above this many tests of a corner against a plane, pairs are not counted.
 const MAX_PAIR_TESTS: usize = 200_000_000;
@@ -54,7 +55,7 @@ fn plan(scene: &Scene, cut: &Cut) -> Vec<String> {
     if surfaces.is_empty() {
         return Vec::new();
     }
-    let mut lines = vec![bands(scene), direct(scene, surfaces), interreflection(surfaces)];
+    let mut lines = vec![bands(scene, surfaces), direct(scene, surfaces), interreflection(surfaces)];
     let one_sided = scene.faces.iter().filter(|face| face.sides == Sides::One).count();
     if one_sided > 0 {
         lines.push(format!(
@@ -71,11 +72,14 @@ fn plan(scene: &Scene, cut: &Cut) -> Vec<String> {
     lines
 }
 
-fn bands(scene: &Scene) -> String {
+fn bands(scene: &Scene, surfaces: &[Surface]) -> String {
     let (names, total) = (scene.bands.join(" "), scene.bands.len());
-    match grey::is_grey(scene) {
-        true => format!("bands: 1 computed for {names}: the scene is grey, {} skipped", total - 1),
-        false => format!("bands: {total} computed ({names}) with one kernel evaluation for all"),
+    match Collapsed::new(scene, surfaces).map(|collapsed| collapsed.count()) {
+        Some(count) => format!(
+            "bands: {count} computed for {names}: others are reflected alike and shine in proportion, {} skipped",
+            total - count
+        ),
+        None => format!("bands: {total} computed ({names}) with one kernel evaluation for all"),
     }
 }
 

@@ -4,12 +4,12 @@
 //! been. Standard output carries the summary, standard error progress and problems. Exit codes: [`Status`] and [`Error`].
 
 mod arguments;
+mod bands;
 mod choice;
 mod counting;
 mod error;
 mod files;
 mod generate;
-mod grey;
 mod info;
 mod interrupt;
 mod load;

@@ -8,20 +8,21 @@ use crate::radiosity::probe::read_probes;
 use crate::schedule::{self, Options, Outcome, Schedule};
 use crate::visibility::{Occluder, Unoccluded, nothing_between};
 
+use super::bands::Collapsed;
 use super::counting::{self, Counting};
 use super::load::{Loaded, caster};
 use super::plan::{SolvePlan, Visibility};
 use super::probes::Probes;
 use super::progress::Watch;
 use super::workers::{self, Workers};
-use super::{Error, Status, grey, interrupt, print, report};
+use super::{Error, Status, interrupt, print, report};
 
 /// A solved scene, and what the report needs to know besides.
 pub(super) struct Solved {
     pub outcome: Outcome,
     /// Whether no ray was cast because nothing could be in between.
     pub unoccluded: bool,
-    /// Bands computed; the others are copies.
+    /// Bands computed; the others are these, so many times as bright.
     pub bands_computed: usize,
     pub direct_s: f64,
     pub interreflection_s: f64,
@@ -102,8 +103,9 @@ pub(super) fn solve(
     let mut team = workers.team()?;
     let mut counters = counting.open(team.as_mut())?;
     let mut watch = Watch::new(quiet);
-    let grey = grey::one_band(&loaded.scene, &loaded.surfaces);
-    let (scene, surfaces) = match &grey {
+    let collapsed = Collapsed::new(&loaded.scene, &loaded.surfaces);
+    let few = collapsed.as_ref().map(|collapsed| collapsed.apply(&loaded.scene, &loaded.surfaces));
+    let (scene, surfaces) = match &few {
         Some((scene, surfaces)) => (scene, surfaces),
         None => (&loaded.scene, &loaded.surfaces),
     };
@@ -121,8 +123,8 @@ pub(super) fn solve(
     }
     let mut outcome =
         outcome.map_err(|panic| Error::Failed(format!("a mistake in this program: {panic}")))?;
-    if grey.is_some() {
-        grey::in_all_bands(&mut outcome.solution, &loaded.scene, &loaded.surfaces);
+    if let Some(collapsed) = collapsed {
+        collapsed.undo(&mut outcome.solution, &loaded.scene, &loaded.surfaces);
     }
     Ok(Solved {
         outcome,

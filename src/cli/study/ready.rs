@@ -1,10 +1,11 @@
-//! A scene made ready for studies: its surfaces, in one band where all are alike, and what may stand between them.
+//! A scene made ready for studies: its surfaces, in one band where the others follow from it, and what may stand between them.
 
 use std::path::Path;
 
+use crate::cli::Error;
+use crate::cli::bands::Collapsed;
 use crate::cli::load::Loaded;
 use crate::cli::plan::Visibility;
-use crate::cli::{Error, grey};
 use crate::output::report::SceneFacts;
 use crate::scene::{Scene, Surface};
 use crate::visibility::{Occluder, Unoccluded, nothing_between};
@@ -12,7 +13,7 @@ use crate::visibility::{Occluder, Unoccluded, nothing_between};
 /// A scene that can be solved.
 pub(super) struct Ready {
     loaded: Loaded,
-    grey: Option<(Scene, Vec<Surface>)>,
+    collapsed: Option<(Scene, Vec<Surface>)>,
 }
 
 impl Ready {
@@ -25,13 +26,17 @@ impl Ready {
         if !quiet {
             loaded.warnings().iter().for_each(|warning| eprintln!("wrad: warning: {warning}"));
         }
-        let grey = grey::one_band(&loaded.scene, &loaded.surfaces);
-        Ok(Ready { loaded, grey })
+        let collapsed = Collapsed::new(&loaded.scene, &loaded.surfaces);
+        // One shines as it does in the file, as references beside the scene demand; of several, some do not.
+        let collapsed = collapsed
+            .filter(|bands| bands.count() == 1)
+            .map(|bands| bands.apply(&loaded.scene, &loaded.surfaces));
+        Ok(Ready { loaded, collapsed })
     }
 
     /// The scene and its surfaces in the bands that are computed.
     pub fn in_its_bands(&self) -> (&Scene, &[Surface]) {
-        match &self.grey {
+        match &self.collapsed {
             Some((scene, surfaces)) => (scene, surfaces),
             None => (&self.loaded.scene, &self.loaded.surfaces),
         }
