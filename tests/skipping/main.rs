@@ -4,8 +4,8 @@ use std::path::Path;
 
 use glam::DVec2;
 use wavelet_radiosity::math::Basis;
-use wavelet_radiosity::scene::{self, Scene, Sides};
-use wavelet_radiosity::schedule::{Options, Outcome, Silent, solve};
+use wavelet_radiosity::scene::{self, Scene, Sides, procedural};
+use wavelet_radiosity::schedule::{Batches, Options, Outcome, Schedule, Silent, solve, solve_by};
 use wavelet_radiosity::transport::Oracle;
 use wavelet_radiosity::visibility::{Bvh, Occluder, OpaqueFaces, Unoccluded, nothing_between};
 
@@ -14,6 +14,7 @@ use shafts::Unlisted;
 
 #[path = "../support/distance.rs"]
 mod distance;
+mod pairs;
 mod shafts;
 
 const ERROR: f64 = 0.05;
@@ -29,6 +30,14 @@ fn run(scene: &Scene, occluder: &dyn Occluder, direct_only: bool) -> Outcome {
 
 fn options(direct_only: bool) -> Options {
     Options { error: ERROR, basis: Basis::M2, oracle: Oracle::Energy, direct_only }
+}
+
+/// The Cornell box in so many pieces that they cluster.
+fn many() -> Scene {
+    let options = procedural::Options { surfaces: Some(400), seed: 1, shuffle: false };
+    let (drawing, mut text) = (procedural::draw(procedural::Subject::Cornell, &options).unwrap(), Vec::new());
+    drawing.write(&mut text).unwrap();
+    scene::read::inventor::parse(&String::from_utf8(text).unwrap(), Path::new("many.iv")).unwrap()
 }
 
 /// A room of six walls that face inwards, on this many sides each; the ceiling shines.
@@ -99,6 +108,27 @@ fn black_surfaces_never_shoot() {
     let (all, direct) = (run(&black, &bvh(&black), false), run(&black, &bvh(&black), true));
     assert!(all.solution.fields == direct.solution.fields, "nothing reflects: direct light is all there is");
     assert_eq!(all.statistics.shots, direct.statistics.shots);
+}
+
+/// One surface at a time clusters with none.
+#[test]
+fn clusters_of_emitters_change_no_more_than_half_the_error() {
+    for (name, scene, fewer) in [("furnished-room", read("furnished-room"), 0.9), ("many", many(), 1.3)] {
+        let (surfaces, bvh) = (scene::surfaces(&scene), bvh(&scene));
+        let solve = |batches| {
+            let schedule = Schedule { batches, ..Schedule::default() };
+            solve_by(schedule, &scene, &surfaces, &bvh, &options(false), &mut Silent).unwrap()
+        };
+        let (with, without) = (solve(Batches::Fitted), solve(Batches::Single));
+        let apart = distance((&scene, &surfaces), &with, &without);
+        let (clustered, alone) = (with.work.pairs_clustered, without.work.pairs_clustered);
+        let times = without.work.interactions as f64 / with.work.interactions as f64;
+        println!(
+            "{name}: {apart:.1e} apart, {times:.2} times the interactions without; {clustered} clustered"
+        );
+        assert!(apart <= 0.5 * ERROR, "{name}: {apart}");
+        assert!(clustered > 0 && alone == 0 && times > fewer, "{name}: {clustered}, {times}");
+    }
 }
 
 #[test]
