@@ -128,6 +128,10 @@ fn clusters_of_emitters_change_no_more_than_half_the_error() {
         );
         assert!(apart <= 0.5 * ERROR, "{name}: {apart}");
         assert!(clustered > 0 && alone == 0 && times > fewer, "{name}: {clustered}, {times}");
+        let ([coarse, clusters], [_, none]) = (with.unresolved_errors, without.unresolved_errors);
+        let all = with.solution.error_estimate;
+        println!("    of the error {all:.1e} small pairs cause {coarse:.1e}, clusters {clusters:.1e}");
+        assert!(coarse.min(clusters) > 0.0 && coarse.hypot(clusters) < all && none == 0.0, "{name}");
     }
 }
 
