@@ -17,16 +17,16 @@ const COARSE_SHARE: f64 = 0.5;
 /// What a cluster may bring, as a share of what a pair may bring that is taken by one sample: pairs of a few draws err more.
 const CLUSTER_SHARE: f64 = 1.0;
 
-/// Clusters pay from this many packets.
-const LEAST_PACKETS: usize = 16;
-
 /// Nodes over more packets than this are sorted by several if there are helpers.
 const SHARED: usize = 64;
 
 impl Clusters {
+    /// Clusters pay from this many packets.
+    pub const LEAST_PACKETS: usize = 16;
+
     /// The clusters of packets of which there are enough. Only the energy oracle knows what may be left out.
     pub fn of<const N: usize>(packets: &[Packet<N>], rules: &Rules) -> Option<Self> {
-        let pays = rules.oracle == Oracle::Energy && packets.len() >= LEAST_PACKETS;
+        let pays = rules.oracle == Oracle::Energy && packets.len() >= Self::LEAST_PACKETS;
         pays.then(|| Self::new(packets))
     }
 }

@@ -148,9 +148,15 @@ fn grey_and_convex_scenes_cost_less_and_say_so() {
     }
     let (code, info, _) = place.run("info grey.iv");
     assert_eq!(code, 0);
-    for part in ["the scene is grey, 2 skipped", "nothing can stand in between", "1 of 7 surfaces is black"] {
+    for part in [
+        "the scene is grey, 2 skipped",
+        "nothing can stand in between",
+        "1 of 7 surfaces is black",
+        "no clusters: 1 emit and 6 reflect, and 16 must shoot at once",
+    ] {
         assert!(info.contains(part), "{part}: {info}");
     }
+    assert!(!info.contains("blockers"), "{info}");
 }
 
 #[test]
