@@ -103,7 +103,8 @@ fn visibility(scene: &Scene) -> [String; 2] {
     [
         "visibility: rays only where a face lies in the shaft between two elements".to_owned(),
         format!(
-            "blockers: what lies in a shaft is listed{most}; smaller elements inherit the list; {} convex and may hide a pair alone",
+            "blockers: what lies in a shaft is listed{most}; smaller elements inherit the list; \
+             {} convex and may hide a pair alone",
             of(convex, faces.len(), "face")
         ),
     ]

@@ -70,8 +70,8 @@ pub struct Outcome {
     pub work: Work,
     /// Passes run, the pilot included.
     pub passes: usize,
-    /// Relative L2 error that light not resolved is estimated to cause, by one sample and in clusters, each by itself: in squares a part of the
-    /// solution's.
+    /// Relative L2 error that light is estimated to cause that was taken by one sample, and in clusters, each by itself:
+    /// in squares a part of the solution's.
     pub unresolved_errors: [f64; 2],
     /// Share of the first reflection's power left unshot.
     pub unshot_fraction: f64,

@@ -1,4 +1,5 @@
-//! Rules that skip pairs or take them coarsely, on and off, as a solved scene's light is gathered once more from all of its surfaces.
+//! Rules that skip pairs or take them coarsely, on and off, as a solved scene's light is gathered once more from all of
+//! its surfaces.
 
 use ccnuma::Arena;
 use ccnuma::arena::Backend;
@@ -186,7 +187,8 @@ fn scenes() -> impl Iterator<Item = (&'static str, Scene)> {
     ["cornell-box", "furnished-room", "l-gallery"].into_iter().map(|name| (name, read(name)))
 }
 
-/// Sources that come together see each other's elements, and are judged a few at a time, so that those behind change what others refine.
+/// Sources that come together see each other's elements, and are judged a few at a time, so that those behind change what
+/// others refine.
 #[test]
 fn pairs_behind_each_other_exchange_nothing() {
     for (name, scene) in scenes() {

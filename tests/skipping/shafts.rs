@@ -1,4 +1,5 @@
-//! What shafts tell before any ray: that nothing stands between, that one face hides all, or the few faces that may. Each told and untold.
+//! What shafts tell before any ray: that nothing stands between, that one face hides all, or the few faces that may. Each
+//! told and untold.
 
 use glam::DVec3;
 use wavelet_radiosity::scene::{self, Scene};
@@ -8,7 +9,8 @@ use wavelet_radiosity::visibility::{Bvh, Occluder, OpaqueFaces, Shaft};
 use super::distance::distance;
 use super::{ERROR, bvh, read, run};
 
-/// A structure that never lists a face, so that rays ask the whole scene, and no face is seen to hide a pair. It may tell of empty shafts.
+/// A structure that never lists a face, so that rays ask the whole scene, and no face is seen to hide a pair. It may tell
+/// of empty shafts.
 pub struct Unlisted {
     pub bvh: Bvh,
     pub tells_empty: bool,
@@ -39,7 +41,8 @@ impl Occluder for Unlisted {
     }
 }
 
-/// The scene with a notch of a ten millionth in every face: it blocks as before, but is not convex, and such a face is never seen to hide a pair.
+/// The scene with a notch of a ten millionth in every face: it blocks as before, but is not convex, and such a face is
+/// never seen to hide a pair.
 fn notched(scene: &Scene) -> Scene {
     let mut notched = scene.clone();
     for face in &mut notched.faces {

@@ -17,7 +17,7 @@ pub struct Saving {
     pub bound: Option<Bound>,
     /// How it was estimated.
     pub how: Option<String>,
-    /// Relative L2 error of radiosity that is estimated to come of it, by itself: the squares of such errors are a part of that of the result's.
+    /// Relative L2 error of radiosity that is estimated to come of it, by itself: in squares a part of the result's.
     /// `None` for rules other than `coarse` and `clusters`, or where the run was cut short.
     pub error_estimate: Option<f64>,
 }
