@@ -7,7 +7,9 @@ use glam::DVec3;
 
 use crate::output::units::{count, percent};
 use crate::scene::{self, Cut, Scene, Sides, Surface, describe};
-use crate::visibility::nothing_between;
+use crate::transport::Clusters;
+use crate::transport::candidates::LIST_LIMIT;
+use crate::visibility::{OpaqueFaces, nothing_between};
 
 use super::bands::Collapsed;
 use super::{Error, Status, print};
@@ -65,11 +67,48 @@ fn plan(scene: &Scene, cut: &Cut) -> Vec<String> {
     }
     lines.extend(contacts(cut));
     lines.push(behind(scene, surfaces));
-    lines.push(match nothing_between(scene) {
-        true => "visibility: no rays: the scene is convex, nothing can stand in between".to_owned(),
-        false => "visibility: rays only where a face lies in the shaft between two elements".to_owned(),
-    });
+    lines.push(small_pairs(surfaces));
+    match nothing_between(scene) {
+        true => {
+            lines.push("visibility: no rays: the scene is convex, nothing can stand in between".to_owned())
+        }
+        false => lines.extend(visibility(scene)),
+    }
     lines
+}
+
+/// What becomes of pairs that matter little.
+fn small_pairs(surfaces: &[Surface]) -> String {
+    let number = |which: fn(&Surface) -> bool| surfaces.iter().filter(|s| which(s)).count();
+    let (emit, reflect, least) = (number(emits), number(reflects), Clusters::LEAST_PACKETS);
+    let crowded: Vec<String> = [("direct light", emit), ("interreflection", reflect)]
+        .into_iter()
+        .filter(|(_, number)| *number >= least)
+        .map(|(stage, number)| format!("{} in {stage}", count(number as u64)))
+        .collect();
+    let clusters = match crowded.is_empty() {
+        true => format!("no clusters: {emit} emit and {reflect} reflect, and {least} must shoot at once"),
+        false => format!("four for a cluster where {least} shoot at once (at most {})", crowded.join(", ")),
+    };
+    format!("small pairs: one sample each; {clusters}")
+}
+
+/// How rays are avoided where something may stand in between.
+fn visibility(scene: &Scene) -> [String; 2] {
+    let faces = OpaqueFaces::new(scene);
+    let convex = (0..faces.len() as u32).filter(|face| faces.piece_count(*face) == 1).count();
+    let most = match faces.len() <= LIST_LIMIT {
+        true => String::new(),
+        false => format!(" if at most {LIST_LIMIT} of {}", count(faces.len() as u64)),
+    };
+    [
+        "visibility: rays only where a face lies in the shaft between two elements".to_owned(),
+        format!(
+            "blockers: what lies in a shaft is listed{most}; smaller elements inherit the list; \
+             {} convex and may hide a pair alone",
+            of(convex, faces.len(), "face")
+        ),
+    ]
 }
 
 fn bands(scene: &Scene, surfaces: &[Surface]) -> String {

@@ -21,11 +21,25 @@ pub(super) fn by_rule(
 ) -> BTreeMap<String, Saving> {
     let time_s = solved.direct_s + solved.interreflection_s;
     let bands = (scene.bands.len(), solved.bands_computed);
-    let mut saved = of_work(&solved.outcome.work, time_s, solved.unoccluded);
+    let outcome = &solved.outcome;
+    let mut saved = of_work(&outcome.work, time_s, solved.unoccluded);
+    if !outcome.solution.incomplete {
+        saved = erring(saved, outcome.unresolved_errors);
+    }
     saved.extend(of_bands(bands, time_s));
     saved.extend(of_scene(scene, surfaces, direct_only));
     let spared_any = |(_, saving): &(&str, Saving)| saving.spared > 0;
     saved.into_iter().filter(spared_any).map(|(rule, saving)| (rule.to_owned(), saving)).collect()
+}
+
+/// With the errors of pairs taken by one sample, and in clusters.
+fn erring(saved: Vec<(&'static str, Saving)>, errors: [f64; 2]) -> Vec<(&'static str, Saving)> {
+    let with_error = |(rule, saving): (&'static str, Saving)| match rule {
+        "coarse" => (rule, saving.erring(errors[0])),
+        "clusters" => (rule, saving.erring(errors[1])),
+        _ => (rule, saving),
+    };
+    saved.into_iter().map(with_error).collect()
 }
 
 /// `over` nothing is nothing.
@@ -211,6 +225,10 @@ mod tests {
         near("coarse", 10.0 * (0.2 - 0.01));
         near("clusters", 30.0 * 0.01 - 0.1);
         near("empty_shafts", 150.0 * 0.001);
+        for (rule, saving) in erring(saved, [0.01, 0.002]) {
+            let expected = [("coarse", 0.01), ("clusters", 0.002)].into_iter().find(|(of, _)| *of == rule);
+            assert_eq!(saving.error_estimate, expected.map(|(_, error)| error), "{rule}");
+        }
         assert_eq!(of_bands((3, 3), 1.0), None);
         assert_eq!(of_bands((3, 1), 1.0).unwrap().1.seconds_estimated.as_result(), Ok(&2.0));
     }

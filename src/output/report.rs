@@ -358,6 +358,10 @@ pub(super) mod tests {
                 longest_chains: 0.01,
                 saved: BTreeMap::from([
                     ("behind".to_owned(), Saving::of(320, "pairs", (Bound::About, 0.021, "how"))),
+                    (
+                        "coarse".to_owned(),
+                        Saving::of(75, "pairs", (Bound::AtMost, 0.003, "how")).erring(0.0023),
+                    ),
                     ("empty_shafts".to_owned(), Saving::of(4_100_000, "rays", (Bound::About, 1.72, "how"))),
                     ("short_lists".to_owned(), Saving::uncertain(3_300_000, "rays", "nobody timed it")),
                 ]),

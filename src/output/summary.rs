@@ -68,7 +68,7 @@ fn rays(work: &Work) -> String {
     format!("{:.1} per interaction; {without} of interactions without any", each(work.visibility_rays))
 }
 
-/// What each rule spared, the most time first, then what no time is known of.
+/// What each rule spared, the most time first, then what no time is known of; and the error that comes of it.
 fn saved(work: &Work) -> String {
     let seconds_of = |saving: &Saving| saving.seconds_estimated.as_result().copied().unwrap_or(-1.0);
     let mut rules: Vec<_> = work.saved.iter().collect();
@@ -78,7 +78,9 @@ fn saved(work: &Work) -> String {
             (Some(bound), Ok(s)) => format!(", {bound} {}", seconds(*s)),
             _ => String::new(),
         };
-        format!("{} {} {}{time}", rule.replace('_', " "), count(saving.spared), saving.unit)
+        let error = saving.error_estimate.map(|error| format!(", error {}", percent(error)));
+        let spared = format!("{} {} {}", rule.replace('_', " "), count(saving.spared), saving.unit);
+        spared + &time + &error.unwrap_or_default()
     };
     match rules.is_empty() {
         true => "nothing".to_owned(),
@@ -199,7 +201,7 @@ energy    unavailable: the scene is open
 elements  48.2 k, 312 bytes each
 work      1.23 M interactions, 48.1 M kernel evaluations, 5.02 M visibility rays in 2 passes; 96 shots in 7 batches in the last
 rays      4.1 per interaction; 35.0 % of interactions without any
-saved     empty shafts 4.10 M rays, about 1.72 s; behind 320 pairs, about 21.0 ms; short lists 3.30 M rays (estimates)
+saved     empty shafts 4.10 M rays, about 1.72 s; behind 320 pairs, about 21.0 ms; coarse 75 pairs, at most 3.00 ms, error 0.230 %; short lists 3.30 M rays (estimates)
 memory    132 MiB at most, 13.0 MiB coefficients, 5.00 MiB packets, 2.00 MiB elements; 99.8 % of element pages at home
 workers   2: 95.0 % busy, 4.00 % idle, 1.00 % stealing
 counters  unavailable: this machine gives access to no hardware counters

@@ -7,7 +7,7 @@
 
 use super::element::Element;
 use super::state::Tree;
-use crate::transport::Receiver;
+use crate::transport::{Receiver, Unresolved};
 
 /// The direct irradiance of a tree, in the order of its elements, children after their parent.
 #[derive(Clone, Debug)]
@@ -18,6 +18,7 @@ pub struct Direct<const N: usize> {
     reflected_w: [f64; N],
     /// Squared link errors in W²/m².
     error_squared: f64,
+    unresolved: Unresolved,
 }
 
 /// Where in a [`Direct`] an element stands.
@@ -39,9 +40,13 @@ pub struct Power<const N: usize> {
 impl<const N: usize> Tree<N> {
     /// Keeps the irradiance, all of which is direct so far.
     pub fn keep_direct(&mut self) {
-        let error_squared = self.error_squared;
-        let mut direct =
-            Direct { divided: Vec::new(), irradiance: Vec::new(), reflected_w: [0.0; N], error_squared };
+        let mut direct = Direct {
+            divided: Vec::new(),
+            irradiance: Vec::new(),
+            reflected_w: [0.0; N],
+            error_squared: self.error_squared,
+            unresolved: self.unresolved,
+        };
         keep(&self.root, &mut direct);
         let mean = self.root.mean_irradiance();
         direct.reflected_w = std::array::from_fn(|n| mean[n] * self.patch.reflectance[n] * self.area_m2);
@@ -75,6 +80,7 @@ impl<const N: usize> Tree<N> {
         }
         let indirect = (self.error_squared - direct.error_squared).max(0.0);
         self.error_squared = direct.error_squared + most * indirect;
+        self.unresolved = self.unresolved.grown_since(direct.unresolved, most);
         self.direct = Some(direct);
         self.measure_unshot();
     }
@@ -88,7 +94,7 @@ impl<const N: usize> Tree<N> {
                 u[n] += d[n];
             }
         });
-        self.error_squared = direct.error_squared;
+        (self.error_squared, self.unresolved) = (direct.error_squared, direct.unresolved);
     }
 }
 

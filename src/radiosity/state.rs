@@ -5,7 +5,9 @@ use ccnuma::Arena;
 use crate::math::Basis;
 use crate::math::basis::MAX_FUNCTIONS;
 use crate::scene::{Scene, Surface};
-use crate::transport::{Deposited, Detail, Packet, PacketNode, Patch, Receiver, Shape, Store, Work};
+use crate::transport::{
+    Deposited, Detail, Packet, PacketNode, Patch, Receiver, Shape, Store, Unresolved, Work,
+};
 
 use super::element::Element;
 use super::mixing::Direct;
@@ -31,6 +33,8 @@ pub struct Tree<const N: usize> {
     pub indirect_w: [f64; N],
     /// Squared link errors of what was received since it was last dark, in W²/m².
     pub error_squared: f64,
+    /// Those of light that was not resolved.
+    pub unresolved: Unresolved,
     /// Work done to light it in the stage at hand.
     pub work: Work,
     /// Cost of the longest chain of parts of that work that wait for each other.
@@ -55,6 +59,7 @@ impl<const N: usize> Tree<N> {
             unshot_w: 0.0,
             indirect_w: [0.0; N],
             error_squared: 0.0,
+            unresolved: Unresolved::default(),
             work: Work::default(),
             span: 0,
             store: None,
@@ -101,7 +106,7 @@ impl<const N: usize> Tree<N> {
     pub fn restart(&mut self, prune_w_m2: f64) -> Packet<N> {
         let packet = self.take_packet(prune_w_m2);
         self.root.restart();
-        self.error_squared = 0.0;
+        (self.error_squared, self.unresolved) = (0.0, Unresolved::default());
         packet
     }
 
@@ -109,13 +114,14 @@ impl<const N: usize> Tree<N> {
     pub fn darken(&mut self) {
         self.root.darken();
         self.unshot_w = 0.0;
-        self.error_squared = 0.0;
+        (self.error_squared, self.unresolved) = (0.0, Unresolved::default());
     }
 
     /// Books what a pair task brought; all sums over sources are kept per receiver, so that they do not depend on who works.
     pub fn book(&mut self, deposited: &Deposited<N>) {
         self.unshot_w += deposited.to_reflect_w;
         self.error_squared += deposited.error_squared;
+        self.unresolved += deposited.unresolved;
         self.span += deposited.span;
         for n in 0..N {
             self.indirect_w[n] += deposited.received_w[n];

@@ -22,7 +22,8 @@ const AIM: [f64; 3] = [0.96, 0.85, 0.75];
 const UNSHOT_SHARE: f64 = 0.2;
 /// Share of the error, taken as a deviation at a point, above which a link goes down to elements that others have made.
 const POINT_SHARE: f64 = 0.003;
-/// Share of the error below which detail of packets is averaged.
+/// Share of the error below which detail of packets is averaged. It is not booked: left out, it moved the probes of the three scenes in
+/// `scenes/` at errors of 0.03 and 0.01 by 0.01 to 0.05 of the error (once by 0.14), and saved 0.3 to 1.5 % of the evaluations.
 const PRUNE_SHARE: f64 = 0.02;
 /// Light that is still to come does not spread evenly: RMS over mean.
 const SPREAD: f64 = 1.5;

@@ -70,6 +70,9 @@ pub struct Outcome {
     pub work: Work,
     /// Passes run, the pilot included.
     pub passes: usize,
+    /// Relative L2 error that light is estimated to cause that was taken by one sample, and in clusters, each by itself:
+    /// in squares a part of the solution's.
+    pub unresolved_errors: [f64; 2],
     /// Share of the first reflection's power left unshot.
     pub unshot_fraction: f64,
     /// Share of the last pass' cost in the costliest receiver of each batch: no team that leaves receivers whole can be faster.
@@ -445,6 +448,8 @@ impl<'a, const N: usize> Run<'a, N> {
     ) -> Result<Outcome, WorkerPanic> {
         let statistics = attempt.statistics;
         let error = (attempt.repeated * attempt.link_error).hypot(attempt.unshot_error);
+        let relative = |error_w_m: f64| if attempt.norm > 0.0 { error_w_m / attempt.norm } else { 0.0 };
+        let by_links = |squared| relative(attempt.repeated * self.budget.link_error_w_m(squared));
         let first = statistics.first_reflection_w;
         let elements = fields.iter().map(Field::leaves).sum();
         let visibility = self.occluder.bytes() * (1 + means.occluders.len());
@@ -461,7 +466,7 @@ impl<'a, const N: usize> Run<'a, N> {
             surfaces: means.crew.fell(&mut trees, surface)?,
             fields,
             error_target: self.options.error,
-            error_estimate: if attempt.norm > 0.0 { error / attempt.norm } else { 0.0 },
+            error_estimate: relative(error),
             incomplete: statistics.interrupted,
         };
         let cost = attempt.work().cost().max(1) as f64;
@@ -469,6 +474,7 @@ impl<'a, const N: usize> Run<'a, N> {
         Ok(Outcome {
             longest_receivers: share(statistics.longest.receiver),
             longest_chains: share(statistics.longest.chain),
+            unresolved_errors: [statistics.unresolved.coarse, statistics.unresolved.clusters].map(by_links),
             unshot_fraction: if first > 0.0 { statistics.unshot_w / first } else { 0.0 },
             elements,
             footprint,

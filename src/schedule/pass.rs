@@ -7,7 +7,7 @@ use ccnuma::WorkerPanic;
 
 use crate::radiosity::Tree;
 use crate::transport::lamp::Lamp;
-use crate::transport::{Clusters, Packet, Rules, Work};
+use crate::transport::{Clusters, Packet, Rules, Unresolved, Work};
 use crate::visibility::Occluder;
 
 use super::batch::{Batch, Batches, brightest};
@@ -66,6 +66,8 @@ pub struct PassStatistics {
     pub interreflection: Work,
     /// Sum of the squared link errors in W²/m².
     pub error_squared: f64,
+    /// Those of light that was not resolved.
+    pub unresolved: Unresolved,
     /// Seconds in direct illumination.
     pub direct_s: f64,
     /// Seconds in interreflection.
@@ -220,6 +222,8 @@ impl<const N: usize> Pass<'_, N> {
 
     fn conclude(&self, trees: &[Tree<N>], watch: &Watch, statistics: &mut PassStatistics) {
         statistics.error_squared = trees.iter().map(|tree| tree.error_squared).sum();
+        statistics.unresolved = Unresolved::default();
+        trees.iter().for_each(|tree| statistics.unresolved += tree.unresolved);
         statistics.unshot_w = unshot_w(trees);
         statistics.interrupted = watch.stopped();
     }

@@ -37,7 +37,7 @@ pub use gather::{Gather, Points};
 pub use lamp::Lamp;
 pub use packet::{Detail, Packet, PacketNode, Shape};
 pub use pair::{GoOn, Oracle, Rules, Scratch, Task};
-pub use receiver::{Deposited, Patch, Receiver};
+pub use receiver::{Deposited, Patch, Receiver, Unresolved};
 pub use samples::SampleRules;
 pub use share::{Alone, Half, Helpers};
 pub use source::Source;

@@ -15,7 +15,7 @@ use super::nodes::RecentNodes;
 use super::receiver::{Deposited, Patch, Receiver};
 use super::recording::Recording;
 use super::samples::SampleRules;
-use super::several::sort;
+use super::several::{Sorted, sort};
 use super::share::Helpers;
 use super::source::Source;
 use super::unblocked::Fragments;
@@ -136,8 +136,8 @@ impl<const N: usize> Task<'_, N> {
         let mut light = [[0.0; N]; MAX_FUNCTIONS];
         light[0] = sorted.light_w_m2;
         receiver.deposit(&light);
-        let (error_squared, span) = (sorted.error_squared, sorted.span);
-        let mut deposited = Deposited { error_squared, span, ..Deposited::default() };
+        let Sorted { error_squared, unresolved, span, .. } = sorted;
+        let mut deposited = Deposited { error_squared, unresolved, span, ..Deposited::default() };
         deposited.take(self.patch, &light, area_m2);
         (deposited, sorted.resolved)
     }

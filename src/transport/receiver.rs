@@ -75,6 +75,31 @@ pub trait Receiver<const N: usize>: Send {
     fn deposit(&mut self, irradiance: &[[f64; N]; MAX_FUNCTIONS]);
 }
 
+/// Squared link errors of light that was not resolved, which are among all, in W²/m².
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Unresolved {
+    /// Of pairs that were taken by one sample.
+    pub coarse: f64,
+    /// Of pairs that were taken in clusters.
+    pub clusters: f64,
+}
+
+impl Unresolved {
+    /// These, where what was added to `first` counts so many times.
+    pub fn grown_since(self, first: Self, times: f64) -> Self {
+        let grown = |all: f64, first: f64| first + times * (all - first).max(0.0);
+        let clusters = grown(self.clusters, first.clusters);
+        Self { coarse: grown(self.coarse, first.coarse), clusters }
+    }
+}
+
+impl std::ops::AddAssign for Unresolved {
+    fn add_assign(&mut self, o: Self) {
+        self.coarse += o.coarse;
+        self.clusters += o.clusters;
+    }
+}
+
 /// What a pair task brought to a receiver.
 #[derive(Clone, Debug)]
 pub struct Deposited<const N: usize> {
@@ -84,6 +109,8 @@ pub struct Deposited<const N: usize> {
     pub to_reflect_w: f64,
     /// Sum of squared link errors `(ρ δ)² A`, W²/m².
     pub error_squared: f64,
+    /// Those of light that was not resolved.
+    pub unresolved: Unresolved,
     /// Cost of the longest chain of parts that wait for each other: from the whole receiver down to one of its leaves.
     pub span: u64,
     /// Links that were recorded.
@@ -92,8 +119,8 @@ pub struct Deposited<const N: usize> {
 
 impl<const N: usize> Default for Deposited<N> {
     fn default() -> Self {
-        let (received_w, links) = ([0.0; N], Links::default());
-        Self { received_w, to_reflect_w: 0.0, error_squared: 0.0, span: 0, links }
+        let (received_w, unresolved, links) = ([0.0; N], Unresolved::default(), Links::default());
+        Self { received_w, to_reflect_w: 0.0, error_squared: 0.0, unresolved, span: 0, links }
     }
 }
 
@@ -120,7 +147,20 @@ impl<const N: usize> Deposited<N> {
         }
         self.to_reflect_w += o.to_reflect_w;
         self.error_squared += o.error_squared;
+        self.unresolved += o.unresolved;
         self.span = self.span.max(o.span);
         self.links.append(o.links);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_added_first_counts_once_when_the_rest_grows() {
+        let (first, all) =
+            (Unresolved { coarse: 1.0, clusters: 4.0 }, Unresolved { coarse: 3.0, clusters: 3.0 });
+        assert_eq!(all.grown_since(first, 10.0), Unresolved { coarse: 21.0, clusters: 4.0 });
     }
 }

@@ -4,6 +4,7 @@ use super::cluster::{Clusters, DRAWS};
 use super::gather::{Points, Tolerance, norm};
 use super::packet::{Packet, Shape};
 use super::pair::{COARSE, Scratch, Task};
+use super::receiver::Unresolved;
 use super::share::Helpers;
 use super::source::Source;
 use super::{Oracle, Rules};
@@ -16,16 +17,16 @@ const COARSE_SHARE: f64 = 0.5;
 /// What a cluster may bring, as a share of what a pair may bring that is taken by one sample: pairs of a few draws err more.
 const CLUSTER_SHARE: f64 = 1.0;
 
-/// Clusters pay from this many packets.
-const LEAST_PACKETS: usize = 16;
-
 /// Nodes over more packets than this are sorted by several if there are helpers.
 const SHARED: usize = 64;
 
 impl Clusters {
+    /// Clusters pay from this many packets.
+    pub const LEAST_PACKETS: usize = 16;
+
     /// The clusters of packets of which there are enough. Only the energy oracle knows what may be left out.
     pub fn of<const N: usize>(packets: &[Packet<N>], rules: &Rules) -> Option<Self> {
-        let pays = rules.oracle == Oracle::Energy && packets.len() >= LEAST_PACKETS;
+        let pays = rules.oracle == Oracle::Energy && packets.len() >= Self::LEAST_PACKETS;
         pays.then(|| Self::new(packets))
     }
 }
@@ -36,6 +37,8 @@ pub(super) struct Sorted<const N: usize> {
     pub light_w_m2: [f64; N],
     /// Sum of their squared link errors in W²/m².
     pub error_squared: f64,
+    /// The same by how they were taken.
+    pub unresolved: Unresolved,
     /// Cost of the longest chain of parts that wait for each other.
     pub span: u64,
     /// The others, by index, in order.
@@ -44,7 +47,8 @@ pub(super) struct Sorted<const N: usize> {
 
 impl<const N: usize> Default for Sorted<N> {
     fn default() -> Self {
-        Self { light_w_m2: [0.0; N], error_squared: 0.0, span: 0, resolved: Vec::new() }
+        let unresolved = Unresolved::default();
+        Self { light_w_m2: [0.0; N], error_squared: 0.0, unresolved, span: 0, resolved: Vec::new() }
     }
 }
 
@@ -54,6 +58,7 @@ impl<const N: usize> Sorted<N> {
             self.light_w_m2[n] += other.light_w_m2[n];
         }
         self.error_squared += other.error_squared;
+        self.unresolved += other.unresolved;
         self.span += other.span;
         self.resolved.extend(other.resolved);
         self
@@ -173,6 +178,7 @@ impl<const N: usize, S: Source<N>> Sorting<'_, N, S> {
         scratch.work.pairs_coarse += 1;
         scratch.work.coarse_cost += sorted.span;
         sorted.error_squared = self.missed_squared(&sorted.light_w_m2);
+        sorted.unresolved.coarse = sorted.error_squared;
         sorted
     }
 
@@ -199,7 +205,8 @@ impl<const N: usize, S: Source<N>> Sorting<'_, N, S> {
         let square = |light: &[f64; N]| -> f64 { (0..N).map(|n| (light[n] - mean[n]).powi(2)).sum() };
         let variance = draws / (draws - 1.0) * drawn.iter().map(square).sum::<f64>();
         let error_squared = self.area_m2 * self.weight.powi(2) * variance + self.missed_squared(&light_w_m2);
-        Sorted { light_w_m2, error_squared, span, resolved: Vec::new() }
+        let unresolved = Unresolved { clusters: error_squared, ..Unresolved::default() };
+        Sorted { light_w_m2, error_squared, unresolved, span, resolved: Vec::new() }
     }
 
     /// Counts a transfer; so many rays had been cast before it.

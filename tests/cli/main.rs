@@ -79,4 +79,9 @@ fn a_generated_scene_can_be_read_and_comes_out_the_same_again() {
     assert_eq!(place.text("a.iv"), place.text("b.iv"));
     let (code, out, _) = place.run("info a.iv");
     assert!(code == 0 && out.contains("faces      2000 ") && !out.contains("repaired"), "{out}");
+    for part in
+        ["where 16 shoot at once (at most ", "listed if at most 48 of 2.00 k; smaller elements inherit"]
+    {
+        assert!(out.contains(part), "{part}: {out}");
+    }
 }

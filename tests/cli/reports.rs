@@ -31,6 +31,9 @@ fn a_run_writes_its_results_and_the_report_says_what_happened() {
     let behind = &work["saved"]["behind"];
     assert_eq!((&behind["spared"], &behind["bound"]), (&work["pairs_skipped"]["behind"], &"about".into()));
     assert!(behind["seconds_estimated"].as_f64().unwrap() > 0.0 && behind["how"].is_string(), "{behind}");
+    let coarse = work["saved"]["coarse"]["error_estimate"].as_f64().unwrap();
+    let all = report["result"]["error_estimate"].as_f64().unwrap();
+    assert!(0.0 < coarse && coarse < all && behind["error_estimate"].is_null(), "{coarse} of {all}");
     assert!(work["saved"]["short_lists"]["seconds_estimated"]["unavailable"].is_string(), "{work}");
     assert!(out.contains(" per interaction; ") && out.contains("behind ") && out.contains("(estimates)"));
     assert_eq!(options["schedule"], "stealing");
@@ -145,9 +148,15 @@ fn grey_and_convex_scenes_cost_less_and_say_so() {
     }
     let (code, info, _) = place.run("info grey.iv");
     assert_eq!(code, 0);
-    for part in ["bands: 1 computed", "nothing can stand in between", "1 of 7 surfaces is black"] {
+    for part in [
+        "bands: 1 computed",
+        "nothing can stand in between",
+        "1 of 7 surfaces is black",
+        "no clusters: 1 emit and 6 reflect, and 16 must shoot at once",
+    ] {
         assert!(info.contains(part), "{part}: {info}");
     }
+    assert!(!info.contains("blockers"), "{info}");
 }
 
 #[test]

@@ -2,17 +2,20 @@
 
 use std::path::Path;
 
-use glam::{DVec2, DVec3};
+use glam::DVec2;
 use wavelet_radiosity::math::Basis;
-use wavelet_radiosity::scene::{self, Scene, Sides};
-use wavelet_radiosity::schedule::{Options, Outcome, Silent, solve};
+use wavelet_radiosity::scene::{self, Scene, Sides, procedural};
+use wavelet_radiosity::schedule::{Batches, Options, Outcome, Schedule, Silent, solve, solve_by};
 use wavelet_radiosity::transport::Oracle;
-use wavelet_radiosity::visibility::{Bvh, Occluder, OpaqueFaces, Shaft, Unoccluded, nothing_between};
+use wavelet_radiosity::visibility::{Bvh, Occluder, OpaqueFaces, Unoccluded, nothing_between};
 
 use distance::distance;
+use shafts::Unlisted;
 
-#[path = "support/distance.rs"]
+#[path = "../support/distance.rs"]
 mod distance;
+mod pairs;
+mod shafts;
 
 const ERROR: f64 = 0.05;
 
@@ -22,8 +25,19 @@ fn read(name: &str) -> Scene {
 }
 
 fn run(scene: &Scene, occluder: &dyn Occluder, direct_only: bool) -> Outcome {
-    let options = Options { error: ERROR, basis: Basis::M2, oracle: Oracle::Energy, direct_only };
-    solve(scene, &scene::surfaces(scene), occluder, &options, &mut Silent)
+    solve(scene, &scene::surfaces(scene), occluder, &options(direct_only), &mut Silent)
+}
+
+fn options(direct_only: bool) -> Options {
+    Options { error: ERROR, basis: Basis::M2, oracle: Oracle::Energy, direct_only }
+}
+
+/// The Cornell box in so many pieces that they cluster.
+fn many() -> Scene {
+    let options = procedural::Options { surfaces: Some(400), seed: 1, shuffle: false };
+    let (drawing, mut text) = (procedural::draw(procedural::Subject::Cornell, &options).unwrap(), Vec::new());
+    drawing.write(&mut text).unwrap();
+    scene::read::inventor::parse(&String::from_utf8(text).unwrap(), Path::new("many.iv")).unwrap()
 }
 
 /// A room of six walls that face inwards, on this many sides each; the ceiling shines.
@@ -40,58 +54,18 @@ fn empty_room(sides: Sides) -> Scene {
     scene
 }
 
-/// A structure that lists nothing: no pair is proven visible or hidden, and all rays ask the whole scene.
-struct Unlisted(Bvh);
-
-impl Occluder for Unlisted {
-    fn faces(&self) -> &OpaqueFaces {
-        self.0.faces()
-    }
-
-    fn blocker(&self, from: DVec3, to: DVec3, skip: [u32; 2]) -> Option<u32> {
-        self.0.blocker(from, to, skip)
-    }
-
-    fn candidates(&self, _: &Shaft, _: [u32; 2], _: usize, _: &mut Vec<u32>) -> bool {
-        false
-    }
-
-    fn first_hit(&self, origin: DVec3, direction: DVec3) -> Option<(u32, f64)> {
-        self.0.first_hit(origin, direction)
-    }
-
-    fn bytes(&self) -> usize {
-        self.0.bytes()
-    }
-}
-
 fn bvh(scene: &Scene) -> Bvh {
     Bvh::new(OpaqueFaces::new(scene))
-}
-
-/// Without lists, every face may be as narrow as any: refinement guards against more than there is.
-#[test]
-fn shafts_and_blocker_lists_change_no_more_than_half_the_error() {
-    for (name, fewer) in [("cornell-box", 2.0), ("furnished-room", 0.9)] {
-        let scene = read(name);
-        let with = run(&scene, &bvh(&scene), false);
-        let without = run(&scene, &Unlisted(bvh(&scene)), false);
-        let apart = distance((&scene, &scene::surfaces(&scene)), &with, &without);
-        let rays = without.work.visibility_rays as f64 / with.work.visibility_rays as f64;
-        println!("{name}: {apart:.1e} apart, {rays:.2} times the rays without");
-        assert!(apart <= 0.5 * ERROR, "{name}: {apart}");
-        assert!(rays > fewer, "{name}: {rays}");
-        assert!(with.work.pairs_unoccluded > 0 && with.work.pairs_hidden > 0);
-        assert_eq!((without.work.pairs_unoccluded, without.work.pairs_hidden), (0, 0));
-    }
 }
 
 #[test]
 fn convex_scenes_need_no_rays() {
     let scene = empty_room(Sides::One);
     assert!(nothing_between(&scene));
-    let (with, without) =
-        (run(&scene, &Unlisted(bvh(&scene)), false), run(&scene, &Unoccluded(bvh(&scene)), false));
+    let (with, without) = (
+        run(&scene, &Unlisted { bvh: bvh(&scene), tells_empty: false }, false),
+        run(&scene, &Unoccluded(bvh(&scene)), false),
+    );
     let apart = distance((&scene, &scene::surfaces(&scene)), &without, &with);
     println!("{apart:.1e} apart, {} rays", with.work.visibility_rays);
     assert!(apart <= 0.5 * ERROR, "{apart}");
@@ -134,6 +108,31 @@ fn black_surfaces_never_shoot() {
     let (all, direct) = (run(&black, &bvh(&black), false), run(&black, &bvh(&black), true));
     assert!(all.solution.fields == direct.solution.fields, "nothing reflects: direct light is all there is");
     assert_eq!(all.statistics.shots, direct.statistics.shots);
+}
+
+/// One surface at a time clusters with none.
+#[test]
+fn clusters_of_emitters_change_no_more_than_half_the_error() {
+    for (name, scene, fewer) in [("furnished-room", read("furnished-room"), 0.9), ("many", many(), 1.3)] {
+        let (surfaces, bvh) = (scene::surfaces(&scene), bvh(&scene));
+        let solve = |batches| {
+            let schedule = Schedule { batches, ..Schedule::default() };
+            solve_by(schedule, &scene, &surfaces, &bvh, &options(false), &mut Silent).unwrap()
+        };
+        let (with, without) = (solve(Batches::Fitted), solve(Batches::Single));
+        let apart = distance((&scene, &surfaces), &with, &without);
+        let (clustered, alone) = (with.work.pairs_clustered, without.work.pairs_clustered);
+        let times = without.work.interactions as f64 / with.work.interactions as f64;
+        println!(
+            "{name}: {apart:.1e} apart, {times:.2} times the interactions without; {clustered} clustered"
+        );
+        assert!(apart <= 0.5 * ERROR, "{name}: {apart}");
+        assert!(clustered > 0 && alone == 0 && times > fewer, "{name}: {clustered}, {times}");
+        let ([coarse, clusters], [_, none]) = (with.unresolved_errors, without.unresolved_errors);
+        let all = with.solution.error_estimate;
+        println!("    of the error {all:.1e} small pairs cause {coarse:.1e}, clusters {clusters:.1e}");
+        assert!(coarse.min(clusters) > 0.0 && coarse.hypot(clusters) < all && none == 0.0, "{name}");
+    }
 }
 
 #[test]
