@@ -13,7 +13,7 @@ use crate::math::Basis;
 use crate::radiosity::{Field, Solution, Tree, add_ambient, extent_m, field_packet};
 use crate::scene::{Scene, Surface};
 use crate::transport::lamp::Lamp;
-use crate::transport::{Oracle, Packet, Rules, SampleRules, Work};
+use crate::transport::{Oracle, Packet, Rules, SampleRules, Work, by_place};
 use crate::visibility::Occluder;
 
 use super::batch::Batches;
@@ -243,6 +243,7 @@ impl<'a, const N: usize> Run<'a, N> {
                 lit.for_each(|(i, s)| emit(i, &Field::even(&s.exitance_w_m2)));
             }
         }
+        by_place(&mut emitters);
         let gain = rho / (1.0 - rho);
         Self {
             even_norm_w_m: even_norm_w_m(&scene.lights, surfaces, &emitters, gain),

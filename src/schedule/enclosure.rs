@@ -13,7 +13,7 @@ use rand_pcg::Pcg32;
 use rand_pcg::rand_core::SeedableRng;
 
 use crate::math::Cell;
-use crate::math::chance::uniform;
+use crate::math::chance::{seed, uniform};
 use crate::radiosity::{Received, Tree};
 use crate::scene::{Frame, Surface};
 use crate::visibility::{Occluder, OpaqueFaces};
@@ -36,7 +36,6 @@ const MOST_RAYS: f64 = 1e7;
 const LOOKS: u32 = 32;
 /// How far off their surface rays start, as shares of the scene's extent and of its coordinates: beyond rounding, and before its neighbours.
 const OFF: (f64, f64) = (1e-11, 64.0 * f64::EPSILON);
-const SEED: u64 = 1998;
 /// Rays that leave are counted in such parts of one, so that the sum does not depend on the order.
 const PARTS: f64 = 1e6;
 
@@ -267,11 +266,7 @@ impl Layout {
 
     /// What the rays of a surface are drawn from: hardly two surfaces of a scene have the same, and each has it wherever the scene stands.
     fn seed(&self, surface: &Surface) -> u64 {
-        let parts = [centre(surface).distance(self.middle) / self.spread_m, surface.area_m2 / self.area_m2];
-        parts.into_iter().fold(SEED, |seed, part| {
-            // Coarser than by what rounding may change it.
-            (seed.rotate_left(32) ^ (1e6 * part).round() as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15)
-        })
+        seed([centre(surface).distance(self.middle) / self.spread_m, surface.area_m2 / self.area_m2])
     }
 }
 

@@ -7,7 +7,7 @@ use ccnuma::WorkerPanic;
 
 use crate::radiosity::Tree;
 use crate::transport::lamp::Lamp;
-use crate::transport::{Clusters, Packet, Rules, Unresolved, Work};
+use crate::transport::{Clusters, Packet, Rules, Unresolved, Work, by_place};
 use crate::visibility::Occluder;
 
 use super::batch::{Batch, Batches, brightest};
@@ -342,7 +342,8 @@ impl<const N: usize> Pass<'_, N> {
             let shoots = |tree: &Tree<N>| shooters.binary_search(&(tree.patch.surface as usize)).is_ok();
             let taken =
                 crew.map(trees, shoots, |tree| (tree.unshot_by_band_w(), tree.take_packet(self.prune_w_m2)))?;
-            let (powers_w, packets): (Vec<[f64; N]>, Vec<Packet<N>>) = taken.into_iter().unzip();
+            let (powers_w, mut packets): (Vec<[f64; N]>, Vec<Packet<N>>) = taken.into_iter().unzip();
+            by_place(&mut packets);
             for power_w in powers_w {
                 for n in 0..N {
                     shot_w[n] += power_w[n];

@@ -3,7 +3,8 @@
 //! A cluster that lies behind the receiver, or whose members all face away, is skipped whole. One whose members together cannot bring more
 //! than a pair that is taken by one sample may bring is taken by a few of its members, drawn by their power, each standing for its share
 //! (after the light cuts of Walter et al. 2005, with stratified draws instead of one representative). How far the drawn ones differ is the
-//! error booked. What is left are pairs. The draws follow from the receiver and the cluster alone.
+//! error booked. What is left are pairs. The draws follow from how the receiver lies to the cluster, and the tree from where its members lie and
+//! their order, whatever the numbers of surfaces and the scene's scale.
 
 use std::f64::consts::PI;
 use std::ops::Range;
@@ -12,6 +13,7 @@ use glam::DVec3;
 
 use super::packet::Packet;
 use super::source::Source;
+use crate::math::chance::{coarse, fraction};
 
 /// Members drawn from a cluster; one with no more is not worth drawing from.
 pub(super) const DRAWS: usize = 4;
@@ -92,11 +94,12 @@ impl Clusters {
         }
     }
 
-    /// Packets drawn from a node for the receiver number `surface`, each with how many times its light stands for the node's.
-    pub(super) fn draw(&self, node: usize, surface: u32) -> [(usize, f64); DRAWS] {
-        let members = self.nodes[node].members.clone();
+    /// Packets drawn from a node for a receiver within this sphere, each with how many times its light stands for the node's.
+    pub(super) fn draw(&self, node: usize, centre: DVec3, radius: f64) -> [(usize, f64); DRAWS] {
+        let cluster = &self.nodes[node];
+        let members = cluster.members.clone();
         let (from, to) = (self.power_w[members.start], self.power_w[members.end]);
-        let offset = fraction((u64::from(surface) << 32) | node as u64);
+        let offset = fraction([centre.distance(cluster.middle()), radius].map(|m| m / cluster.radius()));
         std::array::from_fn(|stratum| {
             let at = from + (to - from) * (stratum as f64 + offset) / DRAWS as f64;
             let sums = &self.power_w[members.start + 1..members.end];
@@ -105,14 +108,6 @@ impl Clusters {
             (self.order[member], (to - from) / (DRAWS as f64 * power))
         })
     }
-}
-
-/// A number of [0, 1) that looks random, from a key (the finaliser of SplitMix64).
-fn fraction(key: u64) -> f64 {
-    let mut z = key.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
 }
 
 impl Cluster {
@@ -176,7 +171,7 @@ impl Member {
     }
 }
 
-/// Makes the node over the members in `range`, and all below it.
+/// Makes the node over the members in `range`, and all below it. Those that differ by rounding alone count as equal, and then their order decides.
 fn divide(nodes: &mut Vec<Cluster>, members: &mut [Member], range: Range<usize>) {
     let held = &mut members[range.clone()];
     let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
@@ -193,17 +188,20 @@ fn divide(nodes: &mut Vec<Cluster>, members: &mut [Member], range: Range<usize>)
     if held.len() == 1 {
         return;
     }
-    let (extent, turn) = (high - low, TURN * (high - low).max_element() * (most - least));
+    let size = (high - low).max_element();
+    let told = |v: DVec3| DVec3::from(v.to_array().map(|x| coarse(x) as f64));
+    let [extent, turn] = [(high - low) / size, TURN * (most - least)].map(told);
     let (axis, by_normal) = if turn.max_element() > extent.max_element() {
         (turn.max_position(), true)
     } else {
         (extent.max_position(), false)
     };
     let key = |member: &Member| {
-        if by_normal { member.normal[axis] } else { member.low[axis] + member.high[axis] }
+        let middle = 0.5 * (member.low[axis] + member.high[axis]) - low[axis];
+        (coarse(if by_normal { member.normal[axis] } else { middle / size }), member.index)
     };
     let half = held.len() / 2;
-    held.select_nth_unstable_by(half, |a, b| key(a).total_cmp(&key(b)).then(a.index.cmp(&b.index)));
+    held.select_nth_unstable_by_key(half, key);
     let half = range.start + half;
     divide(nodes, members, range.start..half);
     nodes[node].second = Some(nodes.len());
@@ -272,7 +270,7 @@ mod tests {
             |packet: &Packet<3>| packet.strength() * packet.frame.area_m2 * (1.0 + packet.frame.normal.x);
         let truth: f64 = packets.iter().map(value).sum();
         let rounds = 4000;
-        let drawn = (0..rounds).flat_map(|surface| clusters.draw(0, surface));
+        let drawn = (0..rounds).flat_map(|i| clusters.draw(0, 0.01 * f64::from(i) * DVec3::X, 1.0));
         let mean =
             drawn.map(|(packet, times)| times * value(&packets[packet])).sum::<f64>() / f64::from(rounds);
         assert!((mean / truth - 1.0).abs() < 0.01, "{mean} against {truth}");

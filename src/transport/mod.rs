@@ -35,7 +35,7 @@ pub mod work;
 pub use cluster::Clusters;
 pub use gather::{Gather, Points};
 pub use lamp::Lamp;
-pub use packet::{Detail, Packet, PacketNode, Shape};
+pub use packet::{Detail, Packet, PacketNode, Shape, by_place};
 pub use pair::{GoOn, Oracle, Rules, Scratch, Task};
 pub use receiver::{Deposited, Patch, Receiver, Unresolved};
 pub use samples::SampleRules;

@@ -10,6 +10,7 @@ use glam::{DVec2, DVec3};
 use super::packet::{EmitterCell, Packet};
 use crate::math::Cell;
 use crate::math::basis::{Basis, MAX_FUNCTIONS, legendre};
+use crate::math::chance::mix;
 use crate::math::lanes::LANES;
 use crate::math::polygon;
 use crate::math::quadrature::gauss;
@@ -179,12 +180,11 @@ impl Debug for RecentNodes {
     }
 }
 
-/// Where nodes belong: a multiplicative hash.
+/// Where nodes belong.
 fn place((packet, cell, n): &Key) -> usize {
     let parts = [cell.low.x, cell.low.y, cell.size.x, cell.size.y].map(f64::to_bits);
-    let mix = |hash: u64, part: u64| (hash.rotate_left(23) ^ part).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     let hash = parts.into_iter().fold(mix(*packet, *n as u64), mix);
-    (hash >> 32) as usize % REMEMBERED
+    hash as usize % REMEMBERED
 }
 
 /// The function of these coefficients at a point of the cell's unit square.

@@ -12,6 +12,7 @@ use wide::f64x4;
 use super::nodes::Nodes;
 use super::recording::Unit;
 use crate::math::basis::MAX_FUNCTIONS;
+use crate::math::chance::coarse;
 use crate::math::{Basis, Cell, Split, polygon};
 use crate::scene::{Frame, Surface};
 
@@ -205,6 +206,19 @@ impl<const N: usize> EmitterCell<N> {
         let count = self.outline.as_ref().map_or(4, |o| o.len());
         (0..count).map(move |i| frame.point(self.outline.as_ref().map_or_else(|| whole[i], |o| o[i])))
     }
+}
+
+/// Puts packets in an order that follows from where they lie, as far as rounding does not reach, whatever the numbers of their surfaces:
+/// receivers look at them in their order, and what one of them needs decides what the next ones find.
+pub fn by_place<const N: usize>(packets: &mut [Packet<N>]) {
+    let middle = |packet: &Packet<N>| packet.sphere().0;
+    let low = packets.iter().map(middle).fold(DVec3::INFINITY, DVec3::min);
+    let high = packets.iter().map(middle).fold(DVec3::NEG_INFINITY, DVec3::max);
+    let size = (high - low).max_element().max(f64::MIN_POSITIVE);
+    packets.sort_by_cached_key(|packet| {
+        let area = packet.frame.area_m2 / (size * size);
+        ([(middle(packet) - low) / size, packet.frame.normal].map(|v| v.to_array().map(coarse)), coarse(area))
+    });
 }
 
 /// The corners of a cell, counter-clockwise.

@@ -186,7 +186,9 @@ impl<const N: usize, S: Source<N>> Sorting<'_, N, S> {
     fn draw(&self, clusters: &Clusters, node: usize, scratch: &mut Scratch) -> Sorted<N> {
         let (patch, before, rays) = (self.task.patch, scratch.work.cost(), scratch.work.visibility_rays);
         let mut drawn = [[0.0; N]; DRAWS];
-        for ((index, times), light) in clusters.draw(node, patch.surface).into_iter().zip(&mut drawn) {
+        for ((index, times), light) in
+            clusters.draw(node, self.centre, self.radius).into_iter().zip(&mut drawn)
+        {
             let source = &self.sources[index];
             if source.reaches(patch.frame.normal, &[self.middle]) {
                 let estimate_w_m2 = source.estimate_w_m2(self.middle, 0.0, patch.frame.normal);

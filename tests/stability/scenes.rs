@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use glam::{DVec2, DVec3};
+use glam::{DQuat, DVec2, DVec3};
 use wavelet_radiosity::scene::{Face, Light, Material, Scene, Sides};
 
 /// Corners of a face.
@@ -139,15 +139,43 @@ pub fn bridged(outline: &[DVec2], hole: &[DVec2]) -> Vec<DVec2> {
     o.chain([outline[0], hole[0]]).chain(h.rev()).collect()
 }
 
+/// The outline of a room without symmetry.
+fn irregular_base() -> [DVec2; 5] {
+    [(0.0, 0.0), (3.1, 0.2), (3.7, 2.3), (1.4, 3.3), (-0.3, 1.9)].map(DVec2::from)
+}
+
+/// A solid that stands askew in that room.
+fn tilted_block() -> Vec<Polygon> {
+    let tilt = DQuat::from_axis_angle(DVec3::new(0.3, 0.8, 0.5).normalize(), 0.9);
+    let block = solid(&rectangle((-0.4, -0.3), (0.37, 0.41)), -0.2, 0.33);
+    moved(block, |p| tilt * p + DVec3::new(1.53, 1.31, 0.87))
+}
+
 /// A room without symmetry, with a lamp and a tilted solid that casts a shadow: nothing in it is a tie.
 pub fn irregular() -> Scene {
-    let base = [(0.0, 0.0), (3.1, 0.2), (3.7, 2.3), (1.4, 3.3), (-0.3, 1.9)].map(DVec2::from);
+    let base = irregular_base();
     let lamp = down(&[(1.2, 1.1), (2.13, 1.37), (1.71, 2.05)].map(DVec2::from), 2.1);
-    let tilt = glam::DQuat::from_axis_angle(DVec3::new(0.3, 0.8, 0.5).normalize(), 0.9);
-    let block = solid(&rectangle((-0.4, -0.3), (0.37, 0.41)), -0.2, 0.33);
     Draft::default()
         .one(room(&base, 0.0, 2.4), 0.6, 0.0)
         .one([lamp], 0.2, 10.0)
-        .one(moved(block, |p| tilt * p + DVec3::new(1.53, 1.31, 0.87)), 0.4, 0.0)
+        .one(tilted_block(), 0.4, 0.0)
+        .0
+}
+
+/// The same room, lit by a grid of equal lamps, of which one in five is bright, with small solids: so many lamps that for these the dim ones
+/// count by draws from clusters, and wherever clusters are divided there are ties.
+pub fn many_lamps() -> Scene {
+    let at = |i: usize, side: usize, pitch: f64| {
+        DVec2::new(0.4 + pitch * (i % side) as f64, 0.4 + pitch * (i / side) as f64)
+    };
+    let square = |low: DVec2, size: f64| rectangle((low.x, low.y), (low.x + size, low.y + size));
+    let lamp = |i: usize| down(&square(at(i, 8, 0.25), 0.1), 2.1);
+    let (bright, dim) = (0..64).partition::<Vec<usize>, _>(|i| i % 5 == 0);
+    let cubes = (0..9).flat_map(|i| solid(&square(at(i, 3, 0.8), 0.12), 0.4, 0.52));
+    Draft::default()
+        .one(room(&irregular_base(), 0.0, 2.4), 0.6, 0.0)
+        .one(bright.into_iter().map(lamp), 0.2, 100.0)
+        .one(dim.into_iter().map(lamp), 0.2, 3.0)
+        .one(moved(cubes.collect(), |p| DQuat::from_rotation_x(0.1) * p), 0.4, 0.0)
         .0
 }

@@ -10,7 +10,7 @@ use crate::Form;
 use crate::judge::{Case, Truth, What};
 use crate::scenes::*;
 
-const BASES: [Basis; 3] = [Basis::Haar, Basis::M2, Basis::M3];
+const BASES: [Basis; 4] = [Basis::Haar, Basis::M2, Basis::M3, Basis::Auto];
 
 /// From a point to a parallel rectangle of a × b at height h above one of its corners.
 fn above_corner(a: f64, b: f64, h: f64) -> f64 {
