@@ -11,6 +11,14 @@ use crate::output::units;
 /// The room to keep, as a share of what the process holds: the solution is made beside the elements, results beside the solution.
 const RESERVE: f64 = 0.6;
 
+/// Address space to keep in any case: a run may take much of it between two looks, however little it holds.
+const LEAST_SPACE_BYTES: u64 = 32 << 20;
+
+/// Address space without which no run begins: the stack of the thread that conducts it, and what the allocator reserves for a thread.
+const FIRST_SPACE_BYTES: u64 = 128 << 20;
+
+const SPACE: &str = "the limit on address space (ulimit -v)";
+
 /// What may run out.
 pub(super) struct Memory {
     /// Of the address space, from the limits of the process.
@@ -30,27 +38,43 @@ impl Memory {
         }
     }
 
+    /// Why no run can begin; `None` where there is room.
+    pub fn too_little(&self) -> Option<String> {
+        let room = self.space_bytes?.saturating_sub(held()?.0);
+        (room < FIRST_SPACE_BYTES).then(|| {
+            let (left, needed) = (units::bytes(room), units::bytes(FIRST_SPACE_BYTES));
+            format!("too little memory to begin: {SPACE} leaves {left}, and a run needs {needed} at least; raise it")
+        })
+    }
+
     /// Why the run must stop now; `None` while there is room.
     pub fn running_out(&self) -> Option<String> {
-        let statm = read_to_string("/proc/self/statm").ok()?;
-        let mut pages = statm.split_whitespace().map_while(|pages| pages.parse::<u64>().ok());
-        let page = 4096;
-        let (mapped, resident) = (pages.next()? * page, pages.next()? * page);
+        let (mapped, resident) = held()?;
+        let reserve = (RESERVE * resident as f64) as u64;
         let machine = read_to_string("/proc/meminfo").ok().and_then(|info| available(&info));
         let rooms = [
-            ("the machine", machine),
-            ("the control group", self.group_bytes.map(|limit| limit.saturating_sub(resident))),
+            ("the machine", reserve, machine),
+            ("the control group", reserve, self.group_bytes.map(|limit| limit.saturating_sub(resident))),
             (
-                "the limit on address space (ulimit -v)",
+                SPACE,
+                reserve.max(LEAST_SPACE_BYTES),
                 self.space_bytes.map(|limit| limit.saturating_sub(mapped)),
             ),
         ];
-        rooms.into_iter().find_map(|(whose, room)| short(resident, whose, room?))
+        rooms.into_iter().find_map(|(whose, reserve, room)| short(resident, whose, reserve, room?))
     }
 }
 
-fn short(resident: u64, whose: &str, room: u64) -> Option<String> {
-    ((room as f64) < RESERVE * resident as f64).then(|| {
+/// Bytes that this process has mapped, and that are in memory.
+fn held() -> Option<(u64, u64)> {
+    let statm = read_to_string("/proc/self/statm").ok()?;
+    let mut pages = statm.split_whitespace().map_while(|pages| pages.parse::<u64>().ok());
+    let page = 4096;
+    Some((pages.next()? * page, pages.next()? * page))
+}
+
+fn short(resident: u64, whose: &str, reserve: u64, room: u64) -> Option<String> {
+    (room < reserve).then(|| {
         let (held, left) = (units::bytes(resident), units::bytes(room));
         format!(
             "stopped because memory runs out: the run holds {held}, and {whose} leaves {left}. \
@@ -127,7 +151,12 @@ mod tests {
         let none = Memory { space_bytes: Some(0), group_bytes: None };
         let why = none.running_out();
         assert!(cfg!(not(target_os = "linux")) || why.is_some_and(|why| why.contains("ulimit -v")));
-        assert!(short(1 << 30, "the machine", 1 << 30).is_none());
-        assert!(short(1 << 30, "the machine", 1 << 28).is_some_and(|text| text.contains("1.00 GiB")));
+        assert!(
+            cfg!(not(target_os = "linux")) || none.too_little().is_some_and(|why| why.contains("128 MiB"))
+        );
+        assert_eq!(Memory { space_bytes: None, group_bytes: None }.too_little(), None);
+        assert!(short(1 << 30, "the machine", 1 << 29, 1 << 30).is_none());
+        let why = short(1 << 30, "the machine", 1 << 29, 1 << 28);
+        assert!(why.is_some_and(|text| text.contains("1.00 GiB")));
     }
 }

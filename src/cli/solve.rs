@@ -11,6 +11,7 @@ use crate::visibility::{Occluder, Unoccluded, nothing_between};
 use super::bands::Collapsed;
 use super::counting::{self, Counting};
 use super::load::{Loaded, caster};
+use super::memory::Memory;
 use super::plan::{SolvePlan, Visibility};
 use super::probes::Probes;
 use super::progress::Watch;
@@ -80,7 +81,7 @@ fn check(plan: &SolvePlan, probes: Option<&Probes>, loaded: &Loaded) -> Result<(
 /// Solves a scene, watched: progress on a terminal, Ctrl-C stops it.
 ///
 /// # Errors
-/// [`Error::Failed`]: no team could be started, one of its workers panicked, or what must be counted cannot be.
+/// [`Error::Failed`]: there is too little memory to begin, no team could be started, one of its workers panicked, or what must be counted cannot be.
 pub(super) fn solve(
     loaded: &Loaded,
     options: &Options,
@@ -91,6 +92,9 @@ pub(super) fn solve(
 ) -> Result<Solved, Error> {
     if !quiet {
         loaded.warnings().iter().for_each(|warning| eprintln!("wrad: warning: {warning}"));
+    }
+    if let Some(why) = Memory::of_this_process().too_little() {
+        return Err(Error::Failed(why));
     }
     interrupt::install(quiet);
     let unoccluded = match visibility {

@@ -1,5 +1,7 @@
 //! The command line as its users meet it: exit codes, messages, files whole or not at all.
 
+#[cfg(target_os = "linux")]
+mod limits;
 mod place;
 mod refusals;
 mod reports;
