@@ -189,6 +189,10 @@ mod tests {
         prop_assert_eq!(found, truth, "depth {} from {:?} to {:?}", structure.depth(), a, around);
         let blocks = |to: &DVec3| brute.faces().blocks(last, a, to - a);
         prop_assert!(found == 0 || around.iter().any(blocks), "face {} blocks none", last);
+        if a == b {
+            // A shaft from a side to one of its corners is flat, and holds nothing.
+            return Ok(());
+        }
         // Askew, so that it is flat on no face.
         let (u, v) = (DVec3::new(0.1, 0.031, 0.017), DVec3::new(0.023, 0.1, -0.041));
         let shaft = Shaft::between(&[a, a + u, a + v], None, &[b], None);

