@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-SETTINGS = [("haar", 0.1), ("haar", 0.03), ("m3", 0.1), ("m3", 0.03), ("m3", 0.01), ("m3", 0.006), ("auto", 0.03), ("auto", 0.01)]
+SETTINGS = [("haar", 0.1), ("haar", 0.03), ("m3", 0.1), ("m3", 0.03), ("m3", 0.01), ("m3", 0.006)]
+SETTINGS += [("auto", 0.03), ("auto", 0.01)]
 
 
 class Wrad:
