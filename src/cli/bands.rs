@@ -21,17 +21,18 @@ impl Collapsed {
         let count = scene.bands.len();
         let spectra = surfaces.iter().map(|s| &s.exitance_w_m2).chain(scene.lights.iter().map(spectrum));
         let spectra: Vec<&Vec<f64>> = spectra.collect();
-        let total = |band: usize| spectra.iter().map(|spectrum| spectrum[band]).sum::<f64>();
+        let total = |band: usize| spectra.iter().map(|spectrum| spectrum[band]).sum();
+        let totals: Vec<f64> = (0..count).map(total).collect();
         let mut bands: Vec<usize> = (0..count).collect();
-        bands.sort_by(|a, b| total(*b).total_cmp(&total(*a)));
+        bands.sort_by(|a, b| totals[*b].total_cmp(&totals[*a]));
         // By computed band: all that follow from the first, and how many times that they are.
         let mut groups: Vec<Vec<(usize, f64)>> = Vec::new();
         for band in bands {
             let times = |first: usize| {
-                let times = if total(first) > 0.0 { total(band) / total(first) } else { 0.0 };
+                let times = if totals[first] > 0.0 { totals[band] / totals[first] } else { 0.0 };
                 let reflected_alike = || surfaces.iter().all(|s| s.reflectance[first] == s.reflectance[band]);
                 let shines_alike = || spectra.iter().all(|s| is_equal(s[band], times * s[first]));
-                (total(band) == 0.0 || reflected_alike() && shines_alike()).then_some(times)
+                (totals[band] == 0.0 || reflected_alike() && shines_alike()).then_some(times)
             };
             match groups.iter_mut().find_map(|group| times(group[0].0).map(|times| (group, times))) {
                 Some((group, times)) => group.push((band, times)),

@@ -81,7 +81,8 @@ fn check(plan: &SolvePlan, probes: Option<&Probes>, loaded: &Loaded) -> Result<(
 /// Solves a scene, watched: progress on a terminal, Ctrl-C stops it.
 ///
 /// # Errors
-/// [`Error::Failed`]: there is too little memory to begin, no team could be started, one of its workers panicked, or what must be counted cannot be.
+/// [`Error::Failed`]: there is too little memory to begin, no team could be started, one of its workers panicked, or what must be
+/// counted cannot be.
 pub(super) fn solve(
     loaded: &Loaded,
     options: &Options,

@@ -150,6 +150,7 @@ fn grey_and_convex_scenes_cost_less_and_say_so() {
     assert_eq!(code, 0);
     for part in [
         "bands: 1 computed",
+        "shine in proportion, 2 skipped",
         "nothing can stand in between",
         "1 of 7 surfaces is black",
         "no clusters: 1 emit and 6 reflect, and 16 must shoot at once",
