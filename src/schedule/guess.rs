@@ -38,8 +38,8 @@ pub(super) fn even_norm_w_m<const N: usize>(
     (emitted.sum::<f64>() + lamps.sum::<f64>()) * gain.min(4.0) / area_m2.sqrt()
 }
 
-/// The norm of the direct light that surfaces reflect if nothing shades them and their middles stand for them, where that is much more than
-/// `even_w_m`: in the open, light stays near where it falls. Else `even_w_m`.
+/// The norm of the direct light that surfaces reflect if nothing shades them and their middles stand for them, or the spots next to sources
+/// close by, where that is much more than `even_w_m`: in the open and close by, light stays near where it falls. Else `even_w_m`.
 pub(super) fn norm_w_m<const N: usize>(
     even_w_m: f64,
     (lamps, emitters): (&[Lamp<N>], &[Packet<N>]),
@@ -55,8 +55,14 @@ pub(super) fn norm_w_m<const N: usize>(
         let of_lamps: f64 = lamps.iter().map(|lamp| patch.unshaded_w_m2(lamp, occluder, scratch)).sum();
         let of_surfaces: f64 =
             emitters.iter().map(|packet| patch.unshaded_w_m2(packet, occluder, scratch)).sum();
+        let even_squared = tree.area_m2 * (of_lamps + of_surfaces).powi(2);
+        let square = |spot_w_m: f64| spot_w_m * spot_w_m;
+        let near_lamps: f64 =
+            lamps.iter().map(|lamp| square(patch.unshaded_spot_w_m(lamp, occluder, scratch))).sum();
+        let near_surfaces: f64 =
+            emitters.iter().map(|packet| square(patch.unshaded_spot_w_m(packet, occluder, scratch))).sum();
         let reflectance = patch.reflectance.iter().copied().fold(0.0, f64::max);
-        tree.area_m2 * (reflectance * (of_lamps + of_surfaces)).powi(2)
+        reflectance * reflectance * even_squared.max(near_lamps + near_surfaces)
     };
     let unshaded_w_m = crew.map(trees, |_| true, reflected_squared)?.iter().sum::<f64>().sqrt();
     Ok(if unshaded_w_m > UNEVEN * even_w_m { unshaded_w_m } else { even_w_m })

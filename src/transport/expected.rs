@@ -1,10 +1,15 @@
 //! What a source is expected to make a receiver cost, before anything is known of either: what it would bring if nothing stood in between,
 //! against what is small enough to be left alone.
 
+use std::f64::consts::PI;
+
+use glam::{DVec2, DVec3};
+
 use super::candidates::Candidates;
 use super::gather::{Points, Tolerance, norm};
 use super::receiver::Patch;
 use super::{Rules, Scratch, Source};
+use crate::math::polygon;
 use crate::visibility::Occluder;
 
 impl<const N: usize> Patch<N> {
@@ -28,16 +33,51 @@ impl<const N: usize> Patch<N> {
         occluder: &dyn Occluder,
         scratch: &mut Scratch,
     ) -> f64 {
+        self.unshaded_at(self.sphere().0, source, occluder, scratch)
+    }
+
+    /// The L2 norm in W/m of the irradiance that `source` would cause around the foot of the perpendicular from it if nothing stood in between:
+    /// that of `E₀ / (1 + r²/h²)²`, a spot of Lambert's at height `h`, as wide as the source at least. 0 where the foot is not on the
+    /// surface.
+    pub fn unshaded_spot_w_m(
+        &self,
+        source: &impl Source<N>,
+        occluder: &dyn Occluder,
+        scratch: &mut Scratch,
+    ) -> f64 {
+        let Some((middle, reach_m)) = source.place() else { return 0.0 };
+        let foot = self.frame.point(self.frame.uv(middle));
+        if !self.holds(foot) {
+            return 0.0;
+        }
+        let height_m = foot.distance(middle).max(reach_m);
+        let spot_m2 = (PI / 3.0 * height_m * height_m).min(self.frame.area_m2);
+        self.unshaded_at(foot, source, occluder, scratch) * spot_m2.sqrt()
+    }
+
+    fn unshaded_at(
+        &self,
+        point: DVec3,
+        source: &impl Source<N>,
+        occluder: &dyn Occluder,
+        scratch: &mut Scratch,
+    ) -> f64 {
         if source.surface() == self.surface || !source.reaches(self.frame.normal, &self.corners) {
             return 0.0;
         }
-        let middle = [self.sphere().0];
-        let (position, normal, face) = (&middle[..], self.frame.normal, self.face);
-        let points = Points { position, eye: position, normal, face, hull: position };
+        let point = std::slice::from_ref(&point);
+        let (normal, face) = (self.frame.normal, self.face);
+        let points = Points { position: point, eye: point, normal, face, hull: point };
         let tolerance = Tolerance { relative: 0.2, absolute_w_m2: 0.0 };
         let mut irradiance = [[0.0; N]];
         source.gather(&points, occluder, Candidates::Free, tolerance, &mut irradiance, &mut [0.0], scratch);
         norm(&irradiance[0])
+    }
+
+    /// Whether a point of the plane lies on the polygon.
+    fn holds(&self, point: DVec3) -> bool {
+        let outline: Vec<DVec2> = self.corners.iter().map(|corner| self.frame.uv(*corner)).collect();
+        polygon::contains(&outline, self.frame.uv(point))
     }
 }
 
