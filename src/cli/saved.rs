@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 
 use crate::output::report::{Bound, Saving};
 use crate::scene::{Scene, Sides, Surface};
-use crate::transport::Work;
+use crate::transport::{Unresolved, Work};
 
 use super::solve::Solved;
 
@@ -33,10 +33,10 @@ pub(super) fn by_rule(
 }
 
 /// With the errors of pairs taken by one sample, and in clusters.
-fn erring(saved: Vec<(&'static str, Saving)>, errors: [f64; 2]) -> Vec<(&'static str, Saving)> {
+fn erring(saved: Vec<(&'static str, Saving)>, errors: Unresolved) -> Vec<(&'static str, Saving)> {
     let with_error = |(rule, saving): (&'static str, Saving)| match rule {
-        "coarse" => (rule, saving.erring(errors[0])),
-        "clusters" => (rule, saving.erring(errors[1])),
+        "coarse" => (rule, saving.erring(errors.coarse)),
+        "clusters" => (rule, saving.erring(errors.clusters)),
         _ => (rule, saving),
     };
     saved.into_iter().map(with_error).collect()
@@ -225,7 +225,7 @@ mod tests {
         near("coarse", 10.0 * (0.2 - 0.01));
         near("clusters", 30.0 * 0.01 - 0.1);
         near("empty_shafts", 150.0 * 0.001);
-        for (rule, saving) in erring(saved, [0.01, 0.002]) {
+        for (rule, saving) in erring(saved, Unresolved { coarse: 0.01, clusters: 0.002, cut_short: 0.0 }) {
             let expected = [("coarse", 0.01), ("clusters", 0.002)].into_iter().find(|(of, _)| *of == rule);
             assert_eq!(saving.error_estimate, expected.map(|(_, error)| error), "{rule}");
         }

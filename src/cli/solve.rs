@@ -39,13 +39,8 @@ pub(super) fn run(plan: &SolvePlan, start: Instant) -> Result<Status, Error> {
     let loaded = Loaded::read(&plan.scene, plan.visibility)?;
     check(plan, probes.as_ref(), &loaded)?;
     let solved = solve(&loaded, &plan.options, &plan.workers, plan.visibility, plan.counters, plan.quiet)?;
-    let statistics = &solved.outcome.statistics;
-    if plan.warns_of_links && statistics.links_refused && !plan.quiet {
-        eprintln!(
-            "wrad: warning: --links store: {} of links are all that may be stored; others were recomputed. \
-             Allow more with --link-memory",
-            units::bytes(statistics.link_bytes)
-        );
+    if !plan.quiet {
+        warnings(plan, &solved.outcome).iter().for_each(|warning| eprintln!("wrad: warning: {warning}"));
     }
     let writing = Instant::now();
     let mut failures = write_results(plan, probes.as_ref(), &loaded, &solved);
@@ -65,6 +60,29 @@ pub(super) fn run(plan: &SolvePlan, start: Instant) -> Result<Status, Error> {
         true if solved.outcome.solution.incomplete => Ok(Status::Interrupted),
         true => Ok(Status::Done),
     }
+}
+
+/// What did not come out as it was asked for.
+fn warnings(plan: &SolvePlan, outcome: &Outcome) -> Vec<String> {
+    let (statistics, solution) = (&outcome.statistics, &outcome.solution);
+    let mut warnings = Vec::new();
+    if plan.warns_of_links && statistics.links_refused {
+        warnings.push(format!(
+            "--links store: {} of links are all that may be stored; others were recomputed. Allow more with --link-memory",
+            units::bytes(statistics.link_bytes)
+        ));
+    }
+    if !solution.incomplete && solution.error_estimate > plan.options.error {
+        let [estimate, asked, cut_short] =
+            [solution.error_estimate, plan.options.error, outcome.unresolved_errors.cut_short]
+                .map(units::percent);
+        let why = match outcome.unresolved_errors.cut_short > 0.0 {
+            true => format!("{cut_short} by links to elements as small as elements get"),
+            false => format!("after {} passes, the most there are", outcome.passes),
+        };
+        warnings.push(format!("--error: the solution is estimated to err by {estimate}, not {asked}: {why}"));
+    }
+    warnings
 }
 
 /// Refuses what would fail after the work is done.

@@ -13,7 +13,7 @@ use crate::math::Basis;
 use crate::radiosity::{Field, Solution, Tree, add_ambient, extent_m, field_packet};
 use crate::scene::{Scene, Surface};
 use crate::transport::lamp::Lamp;
-use crate::transport::{Oracle, Packet, Rules, SampleRules, Work, by_place};
+use crate::transport::{Oracle, Packet, Rules, SampleRules, Unresolved, Work, by_place};
 use crate::visibility::Occluder;
 
 use super::batch::Batches;
@@ -70,9 +70,8 @@ pub struct Outcome {
     pub work: Work,
     /// Passes run, the pilot included.
     pub passes: usize,
-    /// Relative L2 error that light is estimated to cause that was taken by one sample, and in clusters, each by itself:
-    /// in squares a part of the solution's.
-    pub unresolved_errors: [f64; 2],
+    /// Relative L2 errors that light is estimated to cause that was not resolved, each kind by itself: in squares a part of the solution's.
+    pub unresolved_errors: Unresolved,
     /// Share of the first reflection's power left unshot.
     pub unshot_fraction: f64,
     /// Share of the last pass' cost in the costliest receiver of each batch: no team that leaves receivers whole can be faster.
@@ -281,7 +280,11 @@ impl<'a, const N: usize> Run<'a, N> {
         let mut passes = 1;
         while passes <= MAX_PASSES && !attempt.statistics.interrupted {
             let (links, norm) = (attempt.link_error, attempt.norm);
-            if budget.is_met(attempt.repeated * links, attempt.unshot_error, norm) {
+            // What elements as small as elements get lose, no threshold mends.
+            let cut_short = budget.link_error_w_m(attempt.statistics.unresolved.cut_short);
+            if budget.is_met(attempt.repeated * links, attempt.unshot_error, norm)
+                || !budget.links_suffice(attempt.repeated * cut_short, norm)
+            {
                 break;
             }
             threshold *= attempt.statistics.growth;
@@ -475,7 +478,7 @@ impl<'a, const N: usize> Run<'a, N> {
         Ok(Outcome {
             longest_receivers: share(statistics.longest.receiver),
             longest_chains: share(statistics.longest.chain),
-            unresolved_errors: [statistics.unresolved.coarse, statistics.unresolved.clusters].map(by_links),
+            unresolved_errors: statistics.unresolved.map(by_links),
             unshot_fraction: if first > 0.0 { statistics.unshot_w / first } else { 0.0 },
             elements,
             footprint,

@@ -165,7 +165,7 @@ impl<'a, const N: usize, S: Source<N>> Descent<'a, N, S> {
         let mut visitors = Vec::new();
         for (visitor, verdict) in links {
             match verdict {
-                Verdict::Linked { light, error_squared, deviates, mut record }
+                Verdict::Linked { light, error_squared, cut_short, deviates, mut record }
                     if !deviates || split.is_none() =>
                 {
                     scratch.work.interactions += 1;
@@ -174,6 +174,7 @@ impl<'a, const N: usize, S: Source<N>> Descent<'a, N, S> {
                     receiver.deposit(&light);
                     deposited.take(self.task.patch, &light, area_m2);
                     deposited.error_squared += error_squared;
+                    deposited.unresolved.cut_short += if cut_short { error_squared } else { 0.0 };
                     record.set_source(visitor.aim);
                     deposited.links.append(record);
                 }

@@ -46,7 +46,7 @@ const SPOT: f64 = 0.125;
 /// Cells whose sides differ by more than this are divided across the longer one. Not 3, which rooms of round measures have exactly.
 const SLENDER: f64 = 3.01;
 
-/// Cells are not divided below this extent of the surface's parametrisation.
+/// Cells are not divided below this extent of the surface's parametrisation. What links to them may err by is counted as it is.
 const LEAST_EXTENT: f64 = 1.0 / (1 << 20) as f64;
 
 /// An element of a receiver.
@@ -69,6 +69,8 @@ pub(super) enum Verdict<const N: usize> {
         light: [[f64; N]; MAX_FUNCTIONS],
         /// Squared link error in W²/m².
         error_squared: f64,
+        /// Whether that is more than it may be, because the element is as small as elements get.
+        cut_short: bool,
         /// Whether it must go down to finer elements if there are any.
         deviates: bool,
         /// The link, if links are recorded.
@@ -117,6 +119,8 @@ struct Allowance {
     hideable: f64,
     /// Whether the link is to be taken whatever its error.
     forced: bool,
+    /// Whether that is so because the element is as small as elements get.
+    least: bool,
     /// Whether the element is known to be divided.
     divided: bool,
 }
@@ -163,8 +167,9 @@ impl<const N: usize, S: Source<N>> Link<'_, '_, N, S> {
         let estimate = self.aim.source.estimate_w_m2(middle, radius, self.task.patch.frame.normal);
         let hideable = self.hideable();
         let uniform = matches!(self.task.rules.oracle, Oracle::Uniform(_));
-        let forced = uniform || self.is_indivisible();
-        let allowance = Allowance { point_w_m2, strict_w_m2, hideable, forced, divided };
+        let least = !uniform && self.is_indivisible();
+        let forced = uniform || least;
+        let allowance = Allowance { point_w_m2, strict_w_m2, hideable, forced, least, divided };
         let samplings = self.samplings;
         // What nothing shades costs no rays, and must be smooth in the sum over sources.
         let shaded = candidates != Candidates::Free && !forced;
@@ -194,10 +199,18 @@ impl<const N: usize, S: Source<N>> Link<'_, '_, N, S> {
             };
             match self.look_at(rule, &allowance, tolerance) {
                 Found::Sharper(light) => tolerance = sharp(strict_w_m2, light),
-                Found::Verdict(Verdict::Linked { light, .. }) if !forced && self.overlooks_spot(&light) => {
-                    return Verdict::Rough(self.longer_side());
+                Found::Verdict(Verdict::Linked { light, error_squared, cut_short, deviates, mut record }) => {
+                    let spot_w_m = if uniform { 0.0 } else { self.missed_spot_w_m(&light) };
+                    let overlooked = spot_w_m > self.aim.threshold;
+                    if overlooked && !least {
+                        return Verdict::Rough(self.longer_side());
+                    }
+                    let spot_squared = if overlooked { spot_w_m * spot_w_m } else { 0.0 };
+                    let error_squared = error_squared + spot_squared;
+                    record.set_error(error_squared.sqrt());
+                    let cut_short = cut_short || overlooked;
+                    return Verdict::Linked { light, error_squared, cut_short, deviates, record };
                 }
-                Found::Verdict(verdict @ Verdict::Linked { .. }) => return verdict,
                 // What few points find rough, the others are asked about.
                 _ if lean.is_some() => lean = None,
                 Found::Verdict(verdict) => return verdict,
@@ -222,7 +235,8 @@ impl<const N: usize, S: Source<N>> Link<'_, '_, N, S> {
         let noise_w_m2 = if sharp { 0.0 } else { self.weight * lost_w_m2 };
         let hidden = rule.unseen * allowance.hideable * root_area * look.unseen;
         let most = rule.trusted * self.aim.threshold + root_area * noise_w_m2;
-        if !allowance.forced && link_error.hypot(hidden) > most {
+        let rough = link_error.hypot(hidden) > most;
+        if rough && !allowance.forced {
             return Found::Rough(look);
         }
         let deviates = look.worst > allowance.point_w_m2 + noise_w_m2;
@@ -232,31 +246,33 @@ impl<const N: usize, S: Source<N>> Link<'_, '_, N, S> {
         if !sharp {
             return Found::Sharper(look.light);
         }
-        let (light, error_squared) = (look.projected.coefficients, link_error * link_error);
+        let light = look.projected.coefficients;
+        let cut_short = rough && allowance.least;
+        let error_squared = link_error * link_error + if cut_short { hidden * hidden } else { 0.0 };
         let mut record = Links::default();
         if self.records {
             let (cell, area_m2) = (self.element.cell, self.element.area_m2);
             let room = self.aim.threshold / link_error.hypot(hidden);
-            let judged = Kept { cell, area_m2, error_w_m: link_error, room };
+            let judged = Kept { cell, area_m2, error_w_m: error_squared.sqrt(), room };
             record.note(judged, &self.scratch.recording.rows, rule);
         }
-        Found::Verdict(Verdict::Linked { light, error_squared, deviates, record })
+        Found::Verdict(Verdict::Linked { light, error_squared, cut_short, deviates, record })
     }
 
-    /// Whether the projected `light` lacks a spot between the sample points: what falls on the foot of the perpendicular from a source that is
-    /// small and near is compared with it.
-    fn overlooks_spot(&mut self, light: &[[f64; N]; MAX_FUNCTIONS]) -> bool {
-        let Some((middle, reach_m)) = self.aim.source.place() else { return false };
+    /// By how much the projected `light` lacks a spot between the sample points: what falls on the foot of the perpendicular from a source that
+    /// is small and near is compared with it.
+    fn missed_spot_w_m(&mut self, light: &[[f64; N]; MAX_FUNCTIONS]) -> f64 {
+        let Some((middle, reach_m)) = self.aim.source.place() else { return 0.0 };
         let frame = &self.task.patch.frame;
         let uv = frame.uv(middle);
         let (foot, local) = (frame.point(uv), self.element.cell.to_local(uv));
         let (u_m, v_m) = self.sides_m();
         let spot_m = foot.distance(middle).max(reach_m);
         if spot_m > SPOT * u_m.max(v_m) || local.min_element() < 0.0 || local.max_element() > 1.0 {
-            return false;
+            return 0.0;
         }
         if matches!(self.element.shape, Shape::Part(outline, _) if !polygon::contains(outline, uv)) {
-            return false;
+            return 0.0;
         }
         let point = std::slice::from_ref(&foot);
         let quarter_w_m2 = 0.25 * self.aim.source.strength();
@@ -268,7 +284,7 @@ impl<const N: usize, S: Source<N>> Link<'_, '_, N, S> {
             there[0][n] - functions.iter().zip(light).map(|(value, light)| value * light[n]).sum::<f64>()
         });
         let spot_area_m2 = (std::f64::consts::PI * spot_m * spot_m).min(self.element.area_m2);
-        self.weight * norm(&missing) * spot_area_m2.sqrt() > self.aim.threshold
+        self.weight * norm(&missing) * spot_area_m2.sqrt()
     }
 
     /// Cells are not divided for ever.

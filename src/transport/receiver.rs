@@ -75,21 +75,32 @@ pub trait Receiver<const N: usize>: Send {
     fn deposit(&mut self, irradiance: &[[f64; N]; MAX_FUNCTIONS]);
 }
 
-/// Squared link errors of light that was not resolved, which are among all, in W²/m².
+/// Link errors of light that was not resolved, which are among all: squared, in W²/m², or what they come to in a solution.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Unresolved {
     /// Of pairs that were taken by one sample.
     pub coarse: f64,
     /// Of pairs that were taken in clusters.
     pub clusters: f64,
+    /// Of links that err by more than they may, because their elements are as small as elements get.
+    pub cut_short: f64,
 }
 
 impl Unresolved {
     /// These, where what was added to `first` counts so many times.
     pub fn grown_since(self, first: Self, times: f64) -> Self {
         let grown = |all: f64, first: f64| first + times * (all - first).max(0.0);
-        let clusters = grown(self.clusters, first.clusters);
-        Self { coarse: grown(self.coarse, first.coarse), clusters }
+        Self {
+            coarse: grown(self.coarse, first.coarse),
+            clusters: grown(self.clusters, first.clusters),
+            cut_short: grown(self.cut_short, first.cut_short),
+        }
+    }
+
+    /// Each of them changed alike.
+    pub fn map(self, change: impl Fn(f64) -> f64) -> Self {
+        let Self { coarse, clusters, cut_short } = self;
+        Self { coarse: change(coarse), clusters: change(clusters), cut_short: change(cut_short) }
     }
 }
 
@@ -97,6 +108,7 @@ impl std::ops::AddAssign for Unresolved {
     fn add_assign(&mut self, o: Self) {
         self.coarse += o.coarse;
         self.clusters += o.clusters;
+        self.cut_short += o.cut_short;
     }
 }
 
@@ -159,8 +171,8 @@ mod tests {
 
     #[test]
     fn what_was_added_first_counts_once_when_the_rest_grows() {
-        let (first, all) =
-            (Unresolved { coarse: 1.0, clusters: 4.0 }, Unresolved { coarse: 3.0, clusters: 3.0 });
-        assert_eq!(all.grown_since(first, 10.0), Unresolved { coarse: 21.0, clusters: 4.0 });
+        let of = |coarse, clusters, cut_short| Unresolved { coarse, clusters, cut_short };
+        let (first, all) = (of(1.0, 4.0, 0.0), of(3.0, 3.0, 2.0));
+        assert_eq!(all.grown_since(first, 10.0), of(21.0, 4.0, 20.0));
     }
 }

@@ -117,6 +117,11 @@ impl Links {
         self.factors.append(&mut other.factors);
     }
 
+    /// Says what these links may err by.
+    pub(super) fn set_error(&mut self, error_w_m: f64) {
+        self.links.iter_mut().for_each(|link| link.error_w_m = error_w_m);
+    }
+
     /// Says which of the sources that came together these links belong to.
     pub(super) fn set_source(&mut self, number: u32) {
         self.links.iter_mut().for_each(|link| link.source = number);

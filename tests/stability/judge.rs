@@ -33,6 +33,8 @@ pub enum What {
     Lost,
     /// The power that all surfaces receive, in W: relative deviation.
     Received(f64),
+    /// What the power that all surfaces receive deviates by from this, in W, as a share of the error stated.
+    Stated(f64),
     /// The deviation from another solution, relative.
     Same(Twin),
     /// The largest irradiance in W/m².
@@ -169,6 +171,10 @@ fn measure(case: &Case, outcome: &Outcome) -> Vec<(&'static str, f64, f64, &'sta
                     ("lost by transport", outcome.statistics.lost.map_or(balance(solution), f64::abs))
                 }
                 What::Received(power_w) => ("power received", (received_w(solution) / power_w - 1.0).abs()),
+                What::Stated(power_w) => {
+                    let apart = (received_w(solution) / power_w - 1.0).abs();
+                    ("error over the estimate", apart / solution.error_estimate)
+                }
                 What::Same(twin) => ("same solution", apart(solution, twin)),
                 What::Dark => ("darkness", brightest(solution)),
                 What::Elements => ("elements", outcome.elements as f64),

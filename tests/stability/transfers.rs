@@ -51,6 +51,14 @@ fn lamp_over_floor(lamp: f64, floor: f64, height: f64) -> (Scene, Truth) {
     (draft.0, Box::new(move |s, p| (s.reflectance[0] > 0.0).then(|| below_square(p, lamp, height))))
 }
 
+/// The same over a floor of 1 m whose middle is elsewhere.
+fn lamp_aside(lamp: f64, height: f64) -> (Scene, Truth) {
+    let floor = rectangle((-0.512, -0.4), (0.488, 0.6));
+    let (_, truth) = lamp_over_floor(lamp, 1.0, height);
+    let draft = Draft::default().one([down(&around_origin(lamp), height)], 0.0, 1.0);
+    (draft.one([up(&floor, 0.0)], 0.5, 0.0).0, truth)
+}
+
 /// A black wall on the edge of a floor.
 fn wall_on_floor() -> (Scene, Truth) {
     let wall = walls(&square(), 0.0, 1.0)[0].clone();
@@ -188,6 +196,17 @@ pub fn deep(form: Form) -> Vec<Case> {
             .solved(Basis::M3, 0.1)
             .demand(What::Received(h * h), 0.1);
         cases.push(lamp.demand(What::Elements, 1e5));
+    }
+    // All of the light falls on a spot that no sample point meets; where elements cannot become as small, that is told.
+    for (lamp, h) in [(1e-4, 1e-3), (1e-4, 1e-5), (1e-6, 1e-6)] {
+        let (scene, truth) = lamp_aside(lamp, h);
+        let small = Case::new(item, format!("lamp of {lamp:e} m at {h:e} m aside"), scene);
+        cases.push(small.demand(What::Truth(truth), 0.03).demand(What::Elements, 1e3));
+    }
+    for h in [1e-7, 1e-8] {
+        let (scene, _) = lamp_aside(h, h);
+        let least = Case::new(item, format!("lamp of {h:e} m at {h:e} m aside"), scene);
+        cases.push(least.demand(What::Stated(h * h), 1.0).demand(What::Elements, 1e3));
     }
     cases
 }
