@@ -14,6 +14,7 @@
 //! | [`deferred`] | a lock that nobody has to wait for: contributions are left for the next holder |
 //! | [`team`] | pinned workers: run on all, items on home nodes, fork-join, NUMA-ordered stealing |
 //! | [`mod@per_thread`] | statics with one slot per worker, and values with one per worker of a team |
+//! | [`exhausted`] | the end of memory: a message instead of an abort |
 //! | [`replicate`] | read-mostly data, one copy per node |
 //! | [`counters`] | hardware counters per worker and region, with groups of events as data |
 //! | [`report`] | the machine, the plan, and a live check, as text and JSON |
@@ -26,6 +27,7 @@ pub mod counters;
 pub mod cpuset;
 pub mod deferred;
 pub mod error;
+pub mod exhausted;
 pub mod pages;
 pub mod per_thread;
 pub mod pinning;

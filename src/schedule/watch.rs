@@ -117,7 +117,8 @@ pub(super) fn observed<R: Send>(observer: &mut dyn Observer, run: impl FnOnce(&W
             result
         };
         let conductor = std::thread::Builder::new().name("conductor".to_owned()).stack_size(STACK_BYTES);
-        let conductor = conductor.spawn_scoped(scope, conduct).expect("the system has a thread left");
+        let conductor = conductor.spawn_scoped(scope, conduct);
+        let conductor = conductor.unwrap_or_else(|error| ccnuma::exhausted::without_thread(&error));
         follow(&watch, &events, observer, || conductor.is_finished());
         conductor.join().unwrap_or_else(|payload| std::panic::resume_unwind(payload))
     })

@@ -42,6 +42,22 @@ fn a_run_that_fills_its_memory_writes_what_is_done_and_says_so() {
 }
 
 #[test]
+fn a_scene_that_does_not_fit_says_so() {
+    let place = Place::new();
+    let (code, _, err) = place.run("generate soda-room --surfaces 20000 --out soda.iv");
+    assert_eq!(code, 0, "{err}");
+    // The lower end is short of stacks, the upper of room for the trees.
+    for kib in [200_000, 300_000, 350_000, 400_000, 500_000] {
+        let run = "solve soda.iv --error 0.1 --threads 2 --out a.wrad --report a.json --quiet";
+        let Some((code, err)) = within(&place, kib, run) else { return };
+        println!("{kib} KiB: {err}");
+        assert_eq!(code, Some(1), "{kib} KiB: {err}");
+        assert!(err.starts_with("wrad: ") && err.lines().count() == 1, "{kib} KiB: {err}");
+        assert!(["memory", "cannot start worker"].iter().any(|why| err.contains(why)), "{kib} KiB: {err}");
+    }
+}
+
+#[test]
 fn a_run_without_memory_to_begin_says_so() {
     let place = Place::new();
     let Some((code, err)) = within(&place, TOO_LITTLE_KIB, "solve box.iv --schedule sequential --out a.wrad")

@@ -129,7 +129,11 @@ fn clusters_of_emitters_change_no_more_than_half_the_error() {
     let Unresolved { coarse, clusters, .. } = with.unresolved_errors;
     let all = with.solution.error_estimate;
     println!("of the error {all:.1e} small pairs cause {coarse:.1e}, clusters {clusters:.1e}");
-    assert!(coarse.min(clusters) > 0.0 && coarse.hypot(clusters) < all && without.unresolved_errors.clusters == 0.0);
+    assert!(
+        coarse.min(clusters) > 0.0
+            && coarse.hypot(clusters) < all
+            && without.unresolved_errors.clusters == 0.0
+    );
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! The owned handle: one pointer, unique, movable between threads; it drops its value and gives back its share.
 
-use std::alloc::{Layout, alloc, dealloc, handle_alloc_error};
+use std::alloc::{Layout, alloc, dealloc};
 use std::fmt;
 use std::marker::PhantomData;
 use std::mem::ManuallyDrop;
@@ -43,7 +43,7 @@ pub fn heap_alloc(layout: Layout) -> NonNull<u8> {
     unsafe {
         match NonNull::new(alloc(heap_layout(layout))) {
             Some(block) => block.add(heap_offset(layout)),
-            None => handle_alloc_error(layout),
+            None => crate::exhausted::fail(layout),
         }
     }
 }

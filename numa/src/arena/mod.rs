@@ -268,7 +268,7 @@ impl Arena {
         let free = self.free.borrow_mut().pop_if_chunk();
         let chunk = match free.map_or_else(|| self.map_chunk(placement), Ok) {
             Ok(chunk) => chunk,
-            Err(_) => std::alloc::handle_alloc_error(layout),
+            Err(_) => crate::exhausted::fail(layout),
         };
         chunk.open();
         self.cursor.set(chunk.base().addr().get() + chunk::HEADER);
@@ -282,7 +282,7 @@ impl Arena {
         let free = self.free.borrow_mut().take_large(bytes);
         let chunk = match free.map_or_else(|| self.map_pages(bytes, placement).map(Chunk::new), Ok) {
             Ok(chunk) => chunk,
-            Err(_) => std::alloc::handle_alloc_error(layout),
+            Err(_) => crate::exhausted::fail(layout),
         };
         chunk.open();
         chunk.seal(1);

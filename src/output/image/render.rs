@@ -132,16 +132,19 @@ fn rows(view: &View, channels: usize, threads: usize, fill: impl Fn(usize, &mut 
     let mut pixels = vec![0.0; length * height as usize];
     if length > 0 {
         let left = Mutex::new(pixels.chunks_exact_mut(length).enumerate());
-        std::thread::scope(|scope| {
-            for _ in 0..threads.clamp(1, height as usize) {
-                scope.spawn(|| {
-                    // The guard is dropped before the row is filled.
-                    let next = || left.lock().unwrap_or_else(PoisonError::into_inner).next();
-                    while let Some((y, row)) = next() {
-                        fill(y, row);
-                    }
-                });
+        let work = || {
+            // The guard is dropped before the row is filled.
+            let next = || left.lock().unwrap_or_else(PoisonError::into_inner).next();
+            while let Some((y, row)) = next() {
+                fill(y, row);
             }
+        };
+        std::thread::scope(|scope| {
+            for _ in 1..threads.clamp(1, height as usize) {
+                // What helpers that cannot be had leave, the others do.
+                let _ = std::thread::Builder::new().spawn_scoped(scope, work);
+            }
+            work();
         });
     }
     pixels
