@@ -119,7 +119,7 @@ impl<'a, const N: usize> Gather<'a, N> {
     }
 
     fn visit(&mut self, emitter: &EmitterCell<N>, active: u32, candidates: Candidates, tolerance: Tolerance) {
-        let geometry = Geometry::new(&self.packet.frame, emitter);
+        let geometry = Geometry::new(&self.packet.frame, &emitter.cell);
         if geometry.faces_away(self.points.normal, self.centre, self.radius) {
             return;
         }
