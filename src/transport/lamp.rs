@@ -84,6 +84,10 @@ impl<const N: usize> Source<N> for Lamp<N> {
         }
     }
 
+    fn nearest(&self, _point: DVec3) -> Option<DVec3> {
+        self.place().map(|(position, _)| position)
+    }
+
     fn estimate_w_m2(&self, centre: DVec3, radius: f64, _normal: DVec3) -> f64 {
         match &self.light {
             Light::Directional { .. } => norm(&self.spectrum),

@@ -1,6 +1,6 @@
 //! Where light comes from, as a pair task sees it.
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 use super::candidates::Candidates;
 use super::gather::{Gather, Points, Tolerance, norm};
@@ -23,6 +23,8 @@ pub trait Source<const N: usize>: Sync {
     fn estimate_w_m2(&self, centre: DVec3, radius: f64, normal: DVec3) -> f64;
     /// Its middle, and how far it reaches from there at most, in metres; none if it is infinitely far away.
     fn place(&self) -> Option<(DVec3, f64)>;
+    /// The point of it (of a polygon's parallelogram) that is nearest to `point`; none if it is infinitely far away.
+    fn nearest(&self, point: DVec3) -> Option<DVec3>;
     /// The largest exitance or intensity it has: what the geometry oracle divides by.
     fn strength(&self) -> f64;
     /// Adds the irradiance at `points`, each to about `tolerance`.
@@ -77,6 +79,10 @@ impl<const N: usize> Source<N> for Packet<N> {
 
     fn place(&self) -> Option<(DVec3, f64)> {
         Some(self.sphere())
+    }
+
+    fn nearest(&self, point: DVec3) -> Option<DVec3> {
+        Some(self.frame.point(self.frame.uv(point).clamp(DVec2::ZERO, DVec2::ONE)))
     }
 
     fn strength(&self) -> f64 {

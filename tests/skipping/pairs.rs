@@ -62,6 +62,10 @@ impl Source<3> for Teller<'_> {
         self.packet.place()
     }
 
+    fn nearest(&self, point: DVec3) -> Option<DVec3> {
+        self.packet.nearest(point)
+    }
+
     fn strength(&self) -> f64 {
         self.packet.strength()
     }

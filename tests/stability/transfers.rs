@@ -59,6 +59,29 @@ fn lamp_aside(lamp: f64, height: f64) -> (Scene, Truth) {
     (draft.one([up(&floor, 0.0)], 0.5, 0.0).0, truth)
 }
 
+/// A black panel outside a floor whose plane cuts off a corner of it; the truth is summed over 10,000 parts of the panel.
+fn panel_by_a_corner() -> (Scene, Truth) {
+    let (corner, along) = (DVec3::new(-0.01, 0.114, 0.004), DVec3::new(-0.021, 0.0125, 0.0));
+    let up_m = DVec3::Z * 0.024;
+    let panel = vec![corner, corner + along, corner + along + up_m, corner + up_m];
+    let (normal, parts) = (along.cross(up_m), 100);
+    let turned: Vec<DVec3> = panel.iter().rev().copied().collect();
+    let faces_floor = normal.y < 0.0;
+    let draft = Draft::default().one([if faces_floor { panel } else { turned }], 0.0, 1.0);
+    let normal = if faces_floor { normal } else { -normal };
+    let truth = move |p: DVec3| {
+        let part = |i: usize| {
+            let at = |k: usize| (k as f64 + 0.5) / parts as f64;
+            let away = p - (corner + at(i % parts) * along + at(i / parts) * up_m);
+            let square = away.length_squared();
+            normal.dot(away).max(0.0) * (-away.z) / (PI * square * square)
+        };
+        (0..parts * parts).map(part).sum::<f64>() / (parts * parts) as f64
+    };
+    let draft = draft.one([up(&square(), 0.0)], 0.5, 0.0);
+    (draft.0, Box::new(move |s, p| (s.reflectance[0] > 0.0).then(|| truth(p))))
+}
+
 /// A black wall on the edge of a floor.
 fn wall_on_floor() -> (Scene, Truth) {
     let wall = walls(&square(), 0.0, 1.0)[0].clone();
@@ -198,11 +221,14 @@ pub fn deep(form: Form) -> Vec<Case> {
         cases.push(lamp.demand(What::Elements, 1e5));
     }
     // All of the light falls on a spot that no sample point meets; where elements cannot become as small, that is told.
-    for (lamp, h) in [(1e-4, 1e-3), (1e-4, 1e-5), (1e-6, 1e-6)] {
+    for (lamp, h) in [(0.04, 8e-4), (1e-4, 1e-3), (1e-4, 1e-5), (1e-6, 1e-6)] {
         let (scene, truth) = lamp_aside(lamp, h);
         let small = Case::new(item, format!("lamp of {lamp:e} m at {h:e} m aside"), scene);
         cases.push(small.demand(What::Truth(truth), 0.03).demand(What::Elements, 1e3));
     }
+    // A panel that stands beside the floor lights no more than one of its corners.
+    let (scene, truth) = panel_by_a_corner();
+    cases.push(Case::new(item, "panel by a corner", scene).demand(What::Truth(truth), 0.03));
     for h in [1e-7, 1e-8] {
         let (scene, _) = lamp_aside(h, h);
         let least = Case::new(item, format!("lamp of {h:e} m at {h:e} m aside"), scene);
