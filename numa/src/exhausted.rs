@@ -5,9 +5,15 @@ use std::alloc::{GlobalAlloc, Layout};
 use std::fmt::Arguments;
 use std::io::Write;
 use std::sync::OnceLock;
+use std::sync::atomic::AtomicBool;
+use std::sync::atomic::Ordering::Relaxed;
+use std::time::Duration;
 
 /// The program's name, and what to do.
 static ADVICE: OnceLock<[&str; 2]> = OnceLock::new();
+
+/// Whether a thread ends the process.
+static LEAVING: AtomicBool = AtomicBool::new(false);
 
 /// The system's allocator for a program that is [advised](advise): `#[global_allocator] static ALLOCATOR: System = System;`.
 #[derive(Clone, Copy, Debug)]
@@ -74,6 +80,10 @@ fn had(block: *mut u8, bytes: usize) -> *mut u8 {
 /// Allocates nothing and takes no lock.
 #[cold]
 fn leave(why: Arguments<'_>, [program, advice]: &[&str; 2]) -> ! {
+    // Threads run out together: the first one speaks and ends the others.
+    while LEAVING.swap(true, Relaxed) {
+        std::thread::sleep(Duration::from_secs(1));
+    }
     let mut text = [0; 512];
     let mut rest = &mut text[..];
     // What does not fit is cut off.
