@@ -64,7 +64,7 @@ impl Geometry {
     }
 
     /// Squared distance to the axis of a slender cell from points that lie so far off its middle.
-    fn from_axis_squared(&self, between: &DVec3x4) -> f64x4 {
+    fn axis_squared(&self, between: &DVec3x4) -> f64x4 {
         let along = DVec3x4::splat(self.along);
         let reach = f64x4::splat(self.reach);
         let beside = between.dot(&along).fast_min(reach).fast_max(-reach);
@@ -82,8 +82,7 @@ impl Geometry {
         let distance = between.length_squared().sqrt();
         let gap = (distance - half).fast_max(above);
         let (cos_x, cos_y) = ((ahead / gap).fast_min(f64x4::ONE), above / gap);
-        let away_squared =
-            if self.reach > 0.0 { self.from_axis_squared(&between) } else { distance * distance };
+        let away_squared = if self.reach > 0.0 { self.axis_squared(&between) } else { distance * distance };
         let square = f64x4::splat(PI * 0.5) * (away_squared + gap * gap);
         Views {
             seen: (above.simd_gt(f64x4::splat(LEAST_HEIGHT * self.size)) & ahead.simd_gt(f64x4::ZERO))
