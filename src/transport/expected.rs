@@ -46,10 +46,11 @@ impl<const N: usize> Patch<N> {
         scratch: &mut Scratch,
     ) -> f64 {
         let Some((middle, reach_m)) = source.place() else { return 0.0 };
-        let foot = self.frame.point(self.frame.uv(middle));
-        if !self.holds(foot) {
+        let uv = self.frame.uv(middle);
+        if !self.holds(uv) {
             return 0.0;
         }
+        let foot = self.frame.point(uv);
         let height_m = foot.distance(middle).max(reach_m);
         let spot_m2 = (PI / 3.0 * height_m * height_m).min(self.frame.area_m2);
         self.unshaded_at(foot, source, occluder, scratch) * spot_m2.sqrt()
@@ -74,10 +75,10 @@ impl<const N: usize> Patch<N> {
         norm(&irradiance[0])
     }
 
-    /// Whether a point of the plane lies on the polygon.
-    fn holds(&self, point: DVec3) -> bool {
-        let outline: Vec<DVec2> = self.corners.iter().map(|corner| self.frame.uv(*corner)).collect();
-        polygon::contains(&outline, self.frame.uv(point))
+    /// Whether a point of the plane, by its parameters, lies on the polygon. Most do not lie on its parallelogram.
+    fn holds(&self, uv: DVec2) -> bool {
+        let outline = || -> Vec<DVec2> { self.corners.iter().map(|corner| self.frame.uv(*corner)).collect() };
+        uv.min_element() >= 0.0 && uv.max_element() <= 1.0 && polygon::contains(&outline(), uv)
     }
 }
 

@@ -7,6 +7,7 @@ use glam::{DVec2, DVec3};
 use super::candidates::Candidates;
 use super::descent::Aim;
 use super::gather::{Points, Tolerance, norm};
+use super::nodes::value_at;
 use super::packet::Shape;
 use super::pair::{COARSE, Oracle, Scratch, Task};
 use super::samples::{MAX_SAMPLES, Projected, SampleRule, SampleRules};
@@ -315,10 +316,8 @@ impl<const N: usize, S: Source<N>> Link<'_, '_, N, S> {
         );
         let basis = self.task.rules.samples.full.basis;
         let missing = |(local, there): (&DVec2, &[f64; N])| {
-            let functions = basis.evaluate(*local);
-            let value =
-                |n: usize| functions.iter().zip(light).map(|(value, light)| value * light[n]).sum::<f64>();
-            norm(&std::array::from_fn::<_, N, _>(|n| there[n] - value(n)))
+            let projected = value_at(basis, light, *local);
+            norm(&std::array::from_fn::<_, N, _>(|n| there[n] - projected[n]))
         };
         let most_w_m2 = locals[..count].iter().zip(&there).map(missing).fold(0.0, f64::max);
         let spot_m = near_m.max(reach_m);
