@@ -7,7 +7,7 @@ use glam::{DVec2, DVec3};
 use super::candidates::Candidates;
 use super::descent::Aim;
 use super::gather::{Points, Tolerance, norm};
-use super::nodes::value_at;
+use super::missed::is_dark;
 use super::packet::Shape;
 use super::pair::{COARSE, Oracle, Scratch, Task};
 use super::samples::{MAX_SAMPLES, Projected, SampleRule, SampleRules};
@@ -40,18 +40,6 @@ const BRIGHTER: f64 = 2.0;
 
 /// The sharpest relative tolerance of a look.
 const SHARPEST: f64 = 1e-6;
-
-/// Light from a source nearer than this share of a cell's side may change between the sample points.
-const SPOT: f64 = 0.125;
-
-/// Nearer than this share of a cell's side a source touches the cell: along a common edge light does not peak, and elements are graded.
-const TOUCHING: f64 = 1e-9;
-
-/// Corners are looked at this far inside, as shares of the sides.
-const MARGIN: f64 = 1.0 / 32.0;
-
-/// Share of an element that lies between its sample points.
-const BETWEEN: f64 = 0.05;
 
 /// Cells whose sides differ by more than this are divided across the longer one. Not 3, which rooms of round measures have exactly.
 const SLENDER: f64 = 3.01;
@@ -215,8 +203,10 @@ impl<const N: usize, S: Source<N>> Link<'_, '_, N, S> {
                     if overlooked && !least {
                         return Verdict::Rough(self.longer_side());
                     }
-                    let spot_squared = if overlooked { missed_w_m * missed_w_m } else { 0.0 };
-                    let error_squared = error_squared + spot_squared;
+                    // What dark elements miss is all the light that they have.
+                    let counted = overlooked || is_dark(&light);
+                    let missed_squared = if counted { missed_w_m * missed_w_m } else { 0.0 };
+                    let error_squared = error_squared + missed_squared;
                     record.set_error(error_squared.sqrt());
                     let cut_short = cut_short || overlooked;
                     return Verdict::Linked { light, error_squared, cut_short, deviates, record };
@@ -267,62 +257,6 @@ impl<const N: usize, S: Source<N>> Link<'_, '_, N, S> {
             record.note(judged, &self.scratch.recording.rows, rule);
         }
         Found::Verdict(Verdict::Linked { light, error_squared, cut_short, deviates, record })
-    }
-
-    /// What the projected `light` may lack between the sample points, in W/m of radiosity. Where a source is near, light changes within a distance
-    /// as short as its own; what falls on the point next to it, and on the corners of the cell, is compared with the projection.
-    fn missed_w_m(&mut self, light: &[[f64; N]; MAX_FUNCTIONS]) -> f64 {
-        let Some((_, reach_m)) = self.aim.source.place() else { return 0.0 };
-        let (frame, cell) = (&self.task.patch.frame, self.element.cell);
-        let clamped = |point: DVec3| cell.to_local(frame.uv(point)).clamp(DVec2::ZERO, DVec2::ONE);
-        let at = |local: DVec2| frame.point(cell.to_surface(local));
-        let (mut next, mut near_m) = (DVec2::splat(0.5), 0.0);
-        // Each is the nearest point to the other, or nearly so.
-        for _ in 0..3 {
-            let Some(source) = self.aim.source.nearest(at(next)) else { return 0.0 };
-            next = clamped(source);
-            near_m = at(next).distance(source);
-        }
-        let (u_m, v_m) = self.sides_m();
-        let share = near_m / u_m.max(v_m);
-        if !(TOUCHING..SPOT).contains(&share) {
-            return 0.0;
-        }
-        let shape = self.element.shape;
-        let on_polygon = |local: &DVec2| match shape {
-            Shape::Part(outline, _) => polygon::contains(outline, cell.to_surface(*local)),
-            _ => true,
-        };
-        let (mut locals, mut count) = ([DVec2::ZERO; 5], 0);
-        let corners = [DVec2::ZERO, DVec2::X, DVec2::ONE, DVec2::Y].map(inwards);
-        for local in std::iter::once(next).chain(corners).filter(on_polygon) {
-            (locals[count], count) = (local, count + 1);
-        }
-        if count == 0 {
-            return 0.0;
-        }
-        let points = locals.map(at);
-        let points = &points[..count];
-        let quarter_w_m2 = 0.25 * self.aim.source.strength();
-        let tolerance = Tolerance { relative: COARSE, absolute_w_m2: COARSE * quarter_w_m2 };
-        let (mut there, element) = ([[0.0; N]; 5], self.element);
-        let candidates = self.candidates;
-        self.gather(
-            (points, points, &element.hull),
-            candidates,
-            tolerance,
-            &mut there[..count],
-            &mut [0.0; 5],
-        );
-        let basis = self.task.rules.samples.full.basis;
-        let missing = |(local, there): (&DVec2, &[f64; N])| {
-            let projected = value_at(basis, light, *local);
-            norm(&std::array::from_fn::<_, N, _>(|n| there[n] - projected[n]))
-        };
-        let most_w_m2 = locals[..count].iter().zip(&there).map(missing).fold(0.0, f64::max);
-        let spot_m = near_m.max(reach_m);
-        let spot_m2 = (std::f64::consts::PI * spot_m * spot_m).min(BETWEEN * element.area_m2);
-        self.weight * most_w_m2 * spot_m2.sqrt()
     }
 
     /// Cells are not divided for ever.
@@ -416,12 +350,12 @@ impl<const N: usize, S: Source<N>> Link<'_, '_, N, S> {
     }
 
     /// Lengths of the cell's sides in metres.
-    fn sides_m(&self) -> (f64, f64) {
+    pub(super) fn sides_m(&self) -> (f64, f64) {
         let (frame, size) = (&self.task.patch.frame, self.element.cell.size);
         (frame.u.length() * size.x, frame.v.length() * size.y)
     }
 
-    fn gather(
+    pub(super) fn gather(
         &mut self,
         (position, eye, hull): (&[DVec3], &[DVec3], &[DVec3]),
         candidates: Candidates,
@@ -481,11 +415,6 @@ impl<'a> Samplings<'a> {
         }
         sampling
     }
-}
-
-/// A point of the unit square, kept off its sides.
-fn inwards(local: DVec2) -> DVec2 {
-    local.clamp(DVec2::splat(MARGIN), DVec2::splat(1.0 - MARGIN))
 }
 
 /// The tolerance that loses no more than this of so much light.

@@ -18,6 +18,7 @@ pub mod lambert;
 pub mod lamp;
 mod light;
 mod link;
+mod missed;
 pub mod nodes;
 pub mod packet;
 pub mod pair;

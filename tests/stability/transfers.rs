@@ -59,10 +59,9 @@ fn lamp_aside(lamp: f64, height: f64) -> (Scene, Truth) {
     (draft.one([up(&floor, 0.0)], 0.5, 0.0).0, truth)
 }
 
-/// A black panel outside a floor whose plane cuts off a corner of it; the truth is summed over 10,000 parts of the panel.
-fn panel_by_a_corner() -> (Scene, Truth) {
-    let (corner, along) = (DVec3::new(-0.031, 0.1265, 0.004), DVec3::new(0.021, -0.0125, 0.0));
-    let up_m = DVec3::Z * 0.024;
+/// A black panel above a floor whose plane cuts off a corner of it; the truth is summed over 10,000 parts of the panel.
+fn panel_by_a_corner(corner: DVec3, along: DVec3, height_m: f64) -> (Scene, Truth) {
+    let up_m = DVec3::Z * height_m;
     let panel = vec![corner, corner + along, corner + along + up_m, corner + up_m];
     let (normal, parts) = (along.cross(up_m), 100);
     let draft = Draft::default().one([panel], 0.0, 1.0);
@@ -223,9 +222,15 @@ pub fn deep(form: Form) -> Vec<Case> {
         let small = Case::new(item, format!("lamp of {lamp:e} m at {h:e} m aside"), scene);
         cases.push(small.demand(What::Truth(truth), 0.03).demand(What::Elements, 1e3));
     }
-    // A panel that stands beside the floor lights no more than one of its corners.
-    let (scene, truth) = panel_by_a_corner();
-    cases.push(Case::new(item, "panel by a corner", scene).demand(What::Truth(truth), 0.03));
+    // Panels that stand beside the floor, or through it, light no more than one of its corners.
+    let panels = [
+        ("panel by a corner", DVec3::new(-0.031, 0.1265, 0.004), DVec3::new(0.021, -0.0125, 0.0), 0.024),
+        ("corner before a panel", DVec3::new(-2.365, 0.56, 0.088), DVec3::new(2.76, -0.614, 0.0), 3.3),
+    ];
+    for (name, corner, along, height_m) in panels {
+        let (scene, truth) = panel_by_a_corner(corner, along, height_m);
+        cases.push(Case::new(item, name, scene).demand(What::Truth(truth), 0.03));
+    }
     for h in [1e-7, 1e-8] {
         let (scene, _) = lamp_aside(h, h);
         let least = Case::new(item, format!("lamp of {h:e} m at {h:e} m aside"), scene);
