@@ -15,7 +15,8 @@ use crate::math::polygon;
 /// Light from a source nearer than this share of a cell's side may change between the sample points.
 const SPOT: f64 = 0.125;
 
-/// Nearer than this share of a cell's side a source touches the cell: along a common edge light does not peak, and elements are graded.
+/// Nearer than this share of the surface's side a source touches it: along a common edge light does not peak, and elements are graded. Told from
+/// the surface, as corners far out are off by 1e-10 of it, which is more of its cells.
 const TOUCHING: f64 = 1e-9;
 
 /// Corners are looked at this far inside, as shares of the sides.
@@ -47,7 +48,8 @@ impl<const N: usize, S: Source<N>> Link<'_, '_, N, S> {
             Shape::Part(outline, _) => outline,
             _ => &corners[..],
         };
-        if !outline.iter().any(|c| height_m(*c) > 0.0) {
+        let least_m = TOUCHING * frame.u.length().max(frame.v.length());
+        if !outline.iter().any(|c| height_m(*c) > least_m) {
             return 0.0;
         }
         let before = polygon::clip_half_plane(outline, height_m);
@@ -72,8 +74,8 @@ impl<const N: usize, S: Source<N>> Link<'_, '_, N, S> {
             near_m = at(next).distance(source);
         }
         let (u_m, v_m) = self.sides_m();
-        let share = near_m / u_m.max(v_m);
-        if !(TOUCHING..SPOT).contains(&share) {
+        let least_m = TOUCHING * frame.u.length().max(frame.v.length());
+        if !(least_m..SPOT * u_m.max(v_m)).contains(&near_m) {
             return 0.0;
         }
         let shape = self.element.shape;
