@@ -7,7 +7,6 @@ use glam::{DVec2, DVec3};
 use super::candidates::Candidates;
 use super::descent::Aim;
 use super::gather::{Points, Tolerance, norm};
-use super::missed::is_dark;
 use super::packet::Shape;
 use super::pair::{COARSE, Oracle, Scratch, Task};
 use super::samples::{MAX_SAMPLES, Projected, SampleRule, SampleRules};
@@ -198,15 +197,14 @@ impl<const N: usize, S: Source<N>> Link<'_, '_, N, S> {
             match self.look_at(rule, &allowance, tolerance) {
                 Found::Sharper(light) => tolerance = sharp(strict_w_m2, light),
                 Found::Verdict(Verdict::Linked { light, error_squared, cut_short, deviates, mut record }) => {
-                    let missed_w_m = if uniform { 0.0 } else { self.missed_w_m(&light) };
-                    let overlooked = missed_w_m > self.aim.threshold;
+                    let (spot_w_m, beyond_w_m) = if uniform { (0.0, 0.0) } else { self.missed_w_m(&light) };
+                    let overlooked = spot_w_m.max(beyond_w_m) > self.aim.threshold;
                     if overlooked && !least {
                         return Verdict::Rough(self.longer_side());
                     }
-                    // What dark elements miss is all the light that they have.
-                    let counted = overlooked || is_dark(&light);
-                    let missed_squared = if counted { missed_w_m * missed_w_m } else { 0.0 };
-                    let error_squared = error_squared + missed_squared;
+                    let spot_squared = if overlooked { spot_w_m * spot_w_m } else { 0.0 };
+                    // Beyond the horizon is all the light that a dark element has: it counts, however little it is.
+                    let error_squared = error_squared + spot_squared + beyond_w_m * beyond_w_m;
                     record.set_error(error_squared.sqrt());
                     let cut_short = cut_short || overlooked;
                     return Verdict::Linked { light, error_squared, cut_short, deviates, record };

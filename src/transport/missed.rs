@@ -3,6 +3,7 @@
 
 use glam::{DVec2, DVec3};
 
+use super::candidates::Candidates;
 use super::gather::{Tolerance, norm};
 use super::link::Link;
 use super::nodes::value_at;
@@ -12,12 +13,17 @@ use super::source::Source;
 use crate::math::basis::MAX_FUNCTIONS;
 use crate::math::polygon;
 
-/// Light from a source nearer than this share of a cell's side may change between the sample points.
-const SPOT: f64 = 0.125;
+/// Light from a source nearer than this share of a cell's side may change between the sample points. Not 1/8: from that far cells of halved sides
+/// see each other, and rounding would decide.
+const SPOT: f64 = 0.12;
 
 /// Nearer than this share of the surface's side a source touches it: along a common edge light does not peak, and elements are graded. Told from
 /// the surface, as corners far out are off by 1e-10 of it, which is more of its cells.
 const TOUCHING: f64 = 1e-9;
+
+/// Parts that reach less than this share of the surface's side before a source's plane lie in it: corners far out are off by 1e-10, and planes
+/// tilted by more.
+const HORIZON: f64 = 1e-6;
 
 /// Corners are looked at this far inside, as shares of the sides.
 const MARGIN: f64 = 1.0 / 32.0;
@@ -30,10 +36,13 @@ const BETWEEN: f64 = 0.05;
 const FADING: f64 = 1.2;
 
 impl<const N: usize, S: Source<N>> Link<'_, '_, N, S> {
-    /// What the projected `light` may lack between the sample points, in W/m of radiosity.
-    pub(super) fn missed_w_m(&mut self, light: &[[f64; N]; MAX_FUNCTIONS]) -> f64 {
-        let beyond_w_m = if is_dark(light) { self.beyond_horizon_w_m() } else { 0.0 };
-        self.on_spot_w_m(light).max(beyond_w_m)
+    /// What the projected `light` may lack between the sample points, in W/m of radiosity: on a spot, and beyond the horizon of a dark element.
+    pub(super) fn missed_w_m(&mut self, light: &[[f64; N]; MAX_FUNCTIONS]) -> (f64, f64) {
+        // What is dark in a shadow is not asked.
+        let free = self.candidates == Candidates::Free;
+        let beyond_w_m =
+            if free && light.iter().flatten().all(|c| *c == 0.0) { self.beyond_horizon_w_m() } else { 0.0 };
+        (self.on_spot_w_m(light), beyond_w_m)
     }
 
     /// What falls on the part of a dark element that lies before the source's plane, in W/m of radiosity: it fades to nothing at the plane, so that
@@ -48,7 +57,7 @@ impl<const N: usize, S: Source<N>> Link<'_, '_, N, S> {
             Shape::Part(outline, _) => outline,
             _ => &corners[..],
         };
-        let least_m = TOUCHING * frame.u.length().max(frame.v.length());
+        let least_m = HORIZON * frame.u.length().max(frame.v.length());
         if !outline.iter().any(|c| height_m(*c) > least_m) {
             return 0.0;
         }
@@ -124,9 +133,4 @@ impl<const N: usize, S: Source<N>> Link<'_, '_, N, S> {
 /// A point of the unit square, kept off its sides.
 fn inwards(local: DVec2) -> DVec2 {
     local.clamp(DVec2::splat(MARGIN), DVec2::splat(1.0 - MARGIN))
-}
-
-/// Whether no light was found at all.
-pub(super) fn is_dark<const N: usize>(light: &[[f64; N]; MAX_FUNCTIONS]) -> bool {
-    light.iter().flatten().all(|c| *c == 0.0)
 }
