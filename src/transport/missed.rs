@@ -12,6 +12,7 @@ use super::pair::COARSE;
 use super::source::Source;
 use crate::math::basis::MAX_FUNCTIONS;
 use crate::math::polygon;
+use crate::scene::Frame;
 
 /// Light from a source nearer than this share of a cell's side may change between the sample points. Not 1/8: from that far cells of halved sides
 /// see each other, and rounding would decide.
@@ -57,7 +58,7 @@ impl<const N: usize, S: Source<N>> Link<'_, '_, N, S> {
             Shape::Part(outline, _) => outline,
             _ => &corners[..],
         };
-        let least_m = HORIZON * frame.u.length().max(frame.v.length());
+        let least_m = HORIZON * longer_m(frame);
         if !outline.iter().any(|c| height_m(*c) > least_m) {
             return 0.0;
         }
@@ -83,7 +84,7 @@ impl<const N: usize, S: Source<N>> Link<'_, '_, N, S> {
             near_m = at(next).distance(source);
         }
         let (u_m, v_m) = self.sides_m();
-        let least_m = TOUCHING * frame.u.length().max(frame.v.length());
+        let least_m = TOUCHING * longer_m(frame);
         if !(least_m..SPOT * u_m.max(v_m)).contains(&near_m) {
             return 0.0;
         }
@@ -128,6 +129,11 @@ impl<const N: usize, S: Source<N>> Link<'_, '_, N, S> {
         );
         light
     }
+}
+
+/// The longer side of a surface's parallelogram in metres.
+fn longer_m(frame: &Frame) -> f64 {
+    frame.u.length().max(frame.v.length())
 }
 
 /// A point of the unit square, kept off its sides.

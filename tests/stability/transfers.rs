@@ -222,7 +222,7 @@ pub fn deep(form: Form) -> Vec<Case> {
         let small = Case::new(item, format!("lamp of {lamp:e} m at {h:e} m aside"), scene);
         cases.push(small.demand(What::Truth(truth), 0.03).demand(What::Elements, 1e3));
     }
-    // Panels that stand beside the floor, or through it, light no more than one of its corners.
+    // Panels whose planes cut the floor light no more than one of its corners.
     let panels = [
         ("panel by a corner", DVec3::new(-0.031, 0.1265, 0.004), DVec3::new(0.021, -0.0125, 0.0), 0.024),
         ("corner before a panel", DVec3::new(-2.365, 0.56, 0.088), DVec3::new(2.76, -0.614, 0.0), 3.3),
