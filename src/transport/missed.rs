@@ -63,9 +63,12 @@ impl<const N: usize, S: Source<N>> Link<'_, '_, N, S> {
             return 0.0;
         }
         let before = polygon::clip_half_plane(outline, height_m);
-        let area_m2 = polygon::area(&before).abs() * frame.u.cross(frame.v).length();
-        let middle = before.iter().sum::<DVec2>() / before.len() as f64;
-        let light_w_m2 = self.light_at(&[frame.point(middle)])[0];
+        let area = polygon::area(&before);
+        if area == 0.0 {
+            return 0.0;
+        }
+        let area_m2 = area.abs() * frame.u.cross(frame.v).length();
+        let light_w_m2 = self.light_at(&[frame.point(polygon::centroid(&before, area))])[0];
         self.weight * FADING * norm(&light_w_m2) * area_m2.sqrt()
     }
 
