@@ -37,7 +37,7 @@ pub fn narrow(
         Candidates::List(start, end) => {
             for i in start..end {
                 let face = scratch.candidates[i];
-                if shaft.may_hold(occluder.faces().vertices(face)) {
+                if shaft.may_hold(occluder.faces(), face) {
                     scratch.candidates.push(face);
                 }
             }

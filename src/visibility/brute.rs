@@ -22,7 +22,7 @@ impl Occluder for Brute {
     fn candidates(&self, shaft: &Shaft, skip: [u32; 2], limit: usize, out: &mut Vec<u32>) -> bool {
         let start = out.len();
         for face in 0..self.0.len() as u32 {
-            if !skip.contains(&face) && shaft.may_hold(self.0.vertices(face)) {
+            if !skip.contains(&face) && shaft.may_hold(&self.0, face) {
                 if out.len() - start == limit {
                     out.truncate(start);
                     return false;

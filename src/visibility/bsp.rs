@@ -262,7 +262,7 @@ impl Occluder for Bsp {
             }
             for face in &self.lists[node.start as usize..][..(node.kind - LEAF) as usize] {
                 let known = skip.contains(face) || out[first..].contains(face);
-                if !known && shaft.may_hold(self.faces.vertices(*face)) {
+                if !known && shaft.may_hold(&self.faces, *face) {
                     if out.len() - first == limit {
                         out.truncate(first);
                         return false;

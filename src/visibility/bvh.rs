@@ -214,7 +214,7 @@ impl Occluder for Bvh {
             }
             let faces = self.leaf(child).iter().flat_map(|block| block.face);
             for face in faces.take_while(|face| *face != NO_FACE) {
-                if !skip.contains(&face) && shaft.may_hold(self.faces.vertices(face)) {
+                if !skip.contains(&face) && shaft.may_hold(&self.faces, face) {
                     if out.len() - start == limit {
                         out.truncate(start);
                         return false;

@@ -6,6 +6,7 @@
 use glam::DVec3;
 use wide::{f32x8, f64x4};
 
+use super::OpaqueFaces;
 use super::beam::Boxes;
 use crate::math::lanes::{DVec3x4, LANES};
 
@@ -25,6 +26,8 @@ pub struct Shaft {
     count: usize,
     low: DVec3,
     high: DVec3,
+    /// From the middle of one side to that of the other: where it starts, and along what.
+    axis: (DVec3, DVec3),
 }
 
 /// The half-spaces found so far.
@@ -54,7 +57,9 @@ impl Shaft {
                 planes.push_supports(p, q - p, other, &lanes, extent);
             }
         }
-        let mut shaft = Self { planes: Default::default(), count: planes.count, low, high };
+        let middle = |side: &[DVec3]| side.iter().sum::<DVec3>() / side.len() as f64;
+        let axis = (middle(a), middle(b) - middle(a));
+        let mut shaft = Self { planes: Default::default(), count: planes.count, low, high, axis };
         for (lanes, planes) in shaft.planes.iter_mut().zip(planes.planes().chunks(LANES)) {
             let lane = |i: usize| planes[i.min(planes.len() - 1)];
             let four: [(DVec3, f64); LANES] = std::array::from_fn(lane);
@@ -73,9 +78,15 @@ impl Shaft {
         (DVec3::new(lane(&n[0]), lane(&n[1]), lane(&n[2])), lane(d))
     }
 
-    /// Whether a convex or concave polygon may reach into the shaft; `false` is certain. One that only touches it does not reach in. Of polygons
-    /// of few corners it is told exactly, so that the answer does not turn with the axes, as that of boxes does.
-    pub fn may_hold(&self, polygon: &[DVec3]) -> bool {
+    /// Whether a face may reach into the shaft; `false` is certain. One that only touches it does not reach in. Of faces of few corners it is
+    /// told exactly, so that the answer does not turn with the axes, as that of boxes does.
+    pub fn may_hold(&self, faces: &OpaqueFaces, face: u32) -> bool {
+        let (from, along) = self.axis;
+        self.may_hold_polygon(faces.vertices(face), || faces.blocks(face, from, along))
+    }
+
+    /// The same for a convex or concave polygon, which is asked whether the shaft's axis crosses it where its corners do not tell.
+    fn may_hold_polygon(&self, polygon: &[DVec3], is_crossed: impl FnOnce() -> bool) -> bool {
         // Half-spaces that cut the polygon, and corners outside of one or another; of a polygon of few corners.
         let (mut cutting, mut outside) = (0u32, 0u32);
         for (group, (n, d)) in self.planes[..self.count.div_ceil(LANES)].iter().enumerate() {
@@ -102,6 +113,7 @@ impl Shaft {
         in_box
             && (polygon.len() > MAX_CUT
                 || outside.count_ones() < polygon.len() as u32
+                || is_crossed()
                 || self.leaves(polygon, cutting))
     }
 
@@ -260,12 +272,13 @@ mod tests {
     fn holds_what_stands_between_and_nothing_beside_or_behind() {
         let (a, b) = (square(0.0, 1.0), square(4.0, 0.5));
         let shaft = Shaft::between(&a, Some(DVec3::Z), &b, Some(DVec3::NEG_Z));
-        assert!(shaft.may_hold(&square(2.0, 0.1)));
-        assert!(shaft.may_hold(&square(2.0, 9.0)));
+        let may_hold = |polygon: &[DVec3]| shaft.may_hold_polygon(polygon, || false);
+        assert!(may_hold(&square(2.0, 0.1)));
+        assert!(may_hold(&square(2.0, 9.0)));
         let beside = square(2.0, 0.2).map(|p| p + DVec3::X * 1.2);
-        assert!(!shaft.may_hold(&beside), "the hull is 0.75 wide at this height");
-        assert!(!shaft.may_hold(&square(-0.5, 0.3)) && !shaft.may_hold(&square(4.5, 0.3)));
-        assert!(!shaft.may_hold(&a) && !shaft.may_hold(&b), "the sides themselves only touch");
+        assert!(!may_hold(&beside), "the hull is 0.75 wide at this height");
+        assert!(!may_hold(&square(-0.5, 0.3)) && !may_hold(&square(4.5, 0.3)));
+        assert!(!may_hold(&a) && !may_hold(&b), "the sides themselves only touch");
     }
 
     #[test]
@@ -287,8 +300,8 @@ mod tests {
                 Some(turned(-DVec3::Z)),
             );
             // The shaft's corner at height 2 is (-0.75, -0.75), at 1.9 (-0.7625, -0.7625).
-            assert!(!shaft.may_hold(&across(0.46).map(turned)), "turn {turn}");
-            assert!(shaft.may_hold(&across(0.48).map(turned)), "turn {turn}");
+            let may_hold = |x| shaft.may_hold_polygon(&across(x).map(turned), || false);
+            assert!(!may_hold(0.46) && may_hold(0.48), "turn {turn}");
         }
     }
 }
