@@ -28,7 +28,7 @@ struct Division {
 impl Division {
     fn of<const N: usize>(element: &Element<N>) -> Self {
         let below = |(split, children): (_, &[Element<N>])| (split, children.iter().map(Self::of).collect());
-        Self { shape: owned(element.shape()), children: element.children().map(below) }
+        Self { shape: element.shape().map(Box::from), children: element.children().map(below) }
     }
 }
 
@@ -128,15 +128,6 @@ impl<const N: usize> Tree<N> {
         Merge { basis: self.basis, arena }.add(&mut self.root, &lure.root, Cell::UNIT);
         self.book(&lure.deposited);
         self.work += lure.work;
-    }
-}
-
-/// The shape with an outline of its own.
-fn owned(shape: Shape<&[DVec2]>) -> Shape {
-    match shape {
-        Shape::Whole => Shape::Whole,
-        Shape::Outside => Shape::Outside,
-        Shape::Part(outline, share) => Shape::Part(outline.into(), share),
     }
 }
 

@@ -110,10 +110,10 @@ impl<'a, const N: usize> Gather<'a, N> {
     /// Gathers the whole packet.
     pub fn run(&mut self, candidates: Candidates, tolerance: Tolerance) {
         let active = u32::MAX >> (32 - self.points.position.len() as u32);
-        let mut root = self.packet.root();
+        let mut root = self.packet.root_of(&mut self.scratch.outlines);
         if self.scratch.recording.points > 0 {
-            let outline = self.packet.outline.clone();
-            root.unit = Some(Box::new(Unit::of_node(self.packet.basis, 0, root.cell, outline)));
+            let unit = Unit::of_node(self.packet.basis, 0, root.cell, root.outline.clone());
+            root.unit = Some(Box::new(unit));
         }
         self.visit(&root, active, candidates, tolerance);
     }
@@ -268,7 +268,8 @@ impl<'a, const N: usize> Gather<'a, N> {
         let absolute_w_m2 = tolerance.absolute_w_m2 / (count as f64).sqrt().sqrt();
         let tolerance = Tolerance { absolute_w_m2, ..tolerance };
         for index in 0..count {
-            let Some(child) = self.packet.child(emitter, split, index) else { continue };
+            let child = self.packet.child(emitter, split, index, &mut self.scratch.outlines);
+            let Some(child) = child else { continue };
             let top = self.scratch.candidates.len();
             let narrowed = self.narrow(&child, active, candidates);
             if narrowed != Candidates::Hidden {

@@ -7,7 +7,7 @@ use std::ops::Range;
 use glam::{DVec2, DVec3};
 use wide::f64x4;
 
-use super::candidates::Candidates;
+use super::candidates::{Candidates, LIST_LIMIT};
 use super::gather::{Gather, norm, points_of};
 use super::judge::{GROUPS, How};
 use super::kernel::{kernel, kernels};
@@ -200,8 +200,17 @@ impl<const N: usize> Gather<'_, N> {
             let corners = faces.vertices(*face);
             (corners.iter().sum::<DVec3>() / corners.len() as f64).distance_squared(from)
         };
-        // Bits of numbers that are not negative are in their order.
-        self.scratch.candidates[list].sort_by_cached_key(|face| distance(face).to_bits());
+        let list = &mut self.scratch.candidates[list];
+        let mut order = [(0, 0, 0); LIST_LIMIT];
+        let order = &mut order[..list.len()];
+        for (place, (index, face)) in order.iter_mut().zip(list.iter().enumerate()) {
+            // Bits of numbers that are not negative are in their order.
+            *place = (distance(face).to_bits(), index as u32, *face);
+        }
+        order.sort_unstable();
+        for (face, (_, _, sorted)) in list.iter_mut().zip(order) {
+            *face = *sorted;
+        }
     }
 
     /// The share of a cell's light per band that the rays to these of its nodes find unblocked.

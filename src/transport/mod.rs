@@ -23,6 +23,7 @@ pub mod nodes;
 pub mod packet;
 pub mod pair;
 pub mod receiver;
+mod recent;
 mod recording;
 pub mod samples;
 mod several;

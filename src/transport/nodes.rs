@@ -8,9 +8,9 @@ use std::sync::Arc;
 use glam::{DVec2, DVec3};
 
 use super::packet::{EmitterCell, Packet};
+use super::recent::Recent;
 use crate::math::Cell;
 use crate::math::basis::{Basis, MAX_FUNCTIONS, legendre};
-use crate::math::chance::mix;
 use crate::math::lanes::LANES;
 use crate::math::polygon;
 use crate::math::quadrature::gauss;
@@ -135,18 +135,9 @@ impl<const N: usize> CellNodes<N> {
     }
 }
 
-/// How many nodes a worker remembers, of 0.7 KB each in three bands.
-const REMEMBERED: usize = 1024;
-
-/// Nodes that a worker made lately: elements of a receiver look at the same cells one after the other, tens of times.
+/// Nodes that a worker made lately, of 0.7 KB each in three bands, as many bands as the run has.
 #[derive(Default)]
 pub struct RecentNodes(Option<Box<dyn Any + Send>>);
-
-/// What nodes are known by: the packet, the cell, and how many there are along a side.
-type Key = (u64, Cell, usize);
-
-/// Places, each of which remembers the last of the nodes that belong there.
-type Places<const N: usize> = Vec<Option<(Key, Arc<Nodes<N>>)>>;
 
 impl RecentNodes {
     fn get<const N: usize>(
@@ -155,22 +146,25 @@ impl RecentNodes {
         emitter: &EmitterCell<N>,
         n: usize,
     ) -> Arc<Nodes<N>> {
-        let places = self.places();
-        let key = (packet.id(), emitter.cell, n);
-        let place = &mut places[place(&key)];
-        match place {
-            Some((known, nodes)) if *known == key => Arc::clone(nodes),
-            _ => Arc::clone(&place.insert((key, Arc::new(Nodes::of_cell(packet, emitter, n)))).1),
-        }
+        let nodes = self.recent().get((packet.id(), emitter.cell, n), |other| {
+            let made = Nodes::of_cell(packet, emitter, n);
+            let Some(mut place) = other else { return Arc::new(made) };
+            // Where nobody looks at what is forgotten, it is written over.
+            match Arc::get_mut(&mut place) {
+                Some(nodes) => *nodes = made,
+                None => place = Arc::new(made),
+            }
+            place
+        });
+        Arc::clone(nodes)
     }
 
-    /// The places for nodes of `N` bands, as many as the run has.
-    fn places<const N: usize>(&mut self) -> &mut Places<N> {
-        if !self.0.as_ref().is_some_and(|places| places.is::<Places<N>>()) {
-            self.0 = Some(Box::new(Places::<N>::from_iter(std::iter::repeat_n(None, REMEMBERED))));
+    fn recent<const N: usize>(&mut self) -> &mut Recent<Arc<Nodes<N>>> {
+        if !self.0.as_ref().is_some_and(|recent| recent.is::<Recent<Arc<Nodes<N>>>>()) {
+            self.0 = Some(Box::new(Recent::<Arc<Nodes<N>>>::default()));
         }
-        let places = self.0.as_mut().and_then(|places| places.downcast_mut());
-        places.unwrap_or_else(|| unreachable!("places of this type were just made"))
+        let recent = self.0.as_mut().and_then(|recent| recent.downcast_mut());
+        recent.unwrap_or_else(|| unreachable!("places of this type were just made"))
     }
 }
 
@@ -178,13 +172,6 @@ impl Debug for RecentNodes {
     fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("RecentNodes").finish_non_exhaustive()
     }
-}
-
-/// Where nodes belong.
-fn place((packet, cell, n): &Key) -> usize {
-    let parts = [cell.low.x, cell.low.y, cell.size.x, cell.size.y].map(f64::to_bits);
-    let hash = parts.into_iter().fold(mix(*packet, *n as u64), mix);
-    hash as usize % REMEMBERED
 }
 
 /// The function of these coefficients at a point of the cell's unit square.
@@ -233,6 +220,7 @@ fn sum<const N: usize, const K: usize>(
 mod tests {
     use super::*;
     use crate::transport::packet::PacketNode;
+    use crate::transport::recent::REMEMBERED;
     use crate::transport::samples::MAX_SAMPLES;
 
     #[test]
@@ -271,7 +259,7 @@ mod tests {
         let mut cells = vec![packet.root()];
         for index in 0..REMEMBERED {
             let parent = cells[index / 4].clone();
-            cells.extend(packet.child(&parent, packet.split_of(&parent), index % 4));
+            cells.extend(packet.child(&parent, packet.split_of(&parent), index % 4, &mut Default::default()));
         }
         // Forwards and backwards, so that some are remembered and others not.
         for cell in cells.iter().chain(cells.iter().rev()) {

@@ -3,13 +3,14 @@
 //! The paper's "lazy copy": receivers read the packet while the emitter's own tree may change. A packet holds levels only as deep as their detail
 //! matters; deeper ones are made on the fly by pushing coefficients down.
 
-use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::sync::{Arc, OnceLock};
 
 use glam::{DVec2, DVec3};
 use wide::f64x4;
 
 use super::nodes::Nodes;
+use super::recent::Recent;
 use super::recording::Unit;
 use crate::math::basis::MAX_FUNCTIONS;
 use crate::math::chance::coarse;
@@ -79,7 +80,7 @@ pub struct EmitterCell<const N: usize> {
     /// Coefficients of the radiosity on it.
     pub coefficients: [[f64; N]; MAX_FUNCTIONS],
     /// The emitting polygon within the cell, in the surface's parameters; `None` where the whole cell emits.
-    pub outline: Option<Box<[DVec2]>>,
+    pub outline: Option<Arc<[DVec2]>>,
     /// Splits below the packet's deepest level.
     pub virtual_depth: u8,
     /// How it belongs to its node, where links are recorded.
@@ -137,14 +138,21 @@ impl<const N: usize> Packet<N> {
 
     /// The whole emitter.
     pub fn root(&self) -> EmitterCell<N> {
-        EmitterCell {
-            cell: Cell::UNIT,
-            node: Some(0),
-            coefficients: self.nodes[0].coefficients,
-            outline: self.outline.clone(),
-            virtual_depth: 0,
-            unit: None,
-        }
+        self.root_within(self.outline.as_deref().map(Arc::from))
+    }
+
+    /// The whole emitter, with its outline from among those that a worker remembers.
+    pub(super) fn root_of(&self, outlines: &mut RecentOutlines) -> EmitterCell<N> {
+        let remembered = |outline: &[DVec2]| {
+            let whole = outlines.get((self.id, Cell::UNIT, 0), |_| Shape::Part(Arc::from(outline), 1.0));
+            whole.outline().cloned()
+        };
+        self.root_within(self.outline.as_deref().and_then(remembered))
+    }
+
+    fn root_within(&self, outline: Option<Arc<[DVec2]>>) -> EmitterCell<N> {
+        let coefficients = self.nodes[0].coefficients;
+        EmitterCell { cell: Cell::UNIT, node: Some(0), coefficients, outline, virtual_depth: 0, unit: None }
     }
 
     /// How `emitter` divides: as the packet does, else across its longer side, or both ways where the sides are alike.
@@ -164,15 +172,22 @@ impl<const N: usize> Packet<N> {
     }
 
     /// Child number `index` of `emitter`; `None` where nothing of the polygon lies in it.
-    pub fn child(&self, emitter: &EmitterCell<N>, split: Split, index: usize) -> Option<EmitterCell<N>> {
+    pub fn child(
+        &self,
+        emitter: &EmitterCell<N>,
+        split: Split,
+        index: usize,
+        outlines: &mut RecentOutlines,
+    ) -> Option<EmitterCell<N>> {
         let cell = emitter.cell.child(split, index);
         let outline = match &emitter.outline {
             None => None,
-            Some(outline) => match Shape::cut(outline, &cell) {
-                Shape::Outside => return None,
-                Shape::Whole => None,
-                Shape::Part(part, _) => Some(part),
-            },
+            Some(outline) => {
+                match outlines.get((self.id, cell, 0), |_| Shape::cut(outline, &cell).map(Arc::from)) {
+                    Shape::Outside => return None,
+                    part => part.outline().cloned(),
+                }
+            }
         };
         let node = emitter.node.and_then(|n| self.nodes[n as usize].children).map(|(_, c)| c + index as u32);
         let coefficients = match node {
@@ -227,6 +242,9 @@ pub fn cell_corners(cell: &Cell) -> [DVec2; 4] {
     [low, DVec2::new(high.x, low.y), high, DVec2::new(low.x, high.y)]
 }
 
+/// How emitter cells that a worker divided to lately lie to their polygons.
+pub type RecentOutlines = Recent<Shape<Arc<[DVec2]>>>;
+
 /// How a cell lies to a surface's polygon; `O` holds the outline where it is cut.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Shape<O = Box<[DVec2]>> {
@@ -270,6 +288,23 @@ impl Shape<&[DVec2]> {
 }
 
 impl<O> Shape<O> {
+    /// The outline where the cell is cut.
+    fn outline(&self) -> Option<&O> {
+        match self {
+            Shape::Part(outline, _) => Some(outline),
+            Shape::Whole | Shape::Outside => None,
+        }
+    }
+
+    /// The same shape, its outline made into another kind.
+    pub fn map<P>(self, kind: impl FnOnce(O) -> P) -> Shape<P> {
+        match self {
+            Shape::Whole => Shape::Whole,
+            Shape::Outside => Shape::Outside,
+            Shape::Part(outline, share) => Shape::Part(kind(outline), share),
+        }
+    }
+
     /// The share of the cell that belongs to the polygon.
     pub fn share(&self) -> f64 {
         match self {

@@ -12,6 +12,7 @@ use super::Clusters;
 use super::candidates::Candidates;
 use super::descent::{Aim, Descent};
 use super::nodes::RecentNodes;
+use super::packet::RecentOutlines;
 use super::receiver::{Deposited, Patch, Receiver};
 use super::recording::Recording;
 use super::samples::SampleRules;
@@ -85,6 +86,8 @@ pub struct Scratch {
     pub fragments: Fragments,
     /// Nodes of emitter cells that were looked at lately.
     pub(super) nodes: RecentNodes,
+    /// How emitter cells that were divided to lately lie to their polygons.
+    pub(super) outlines: RecentOutlines,
     /// What looks see, for links that are to be kept.
     pub(super) recording: Recording,
     /// What was done.

@@ -3,6 +3,8 @@
 //! A row holds what each function of the packet's node that holds the cell brings for a coefficient of 1. The light is then the row times the
 //! node's coefficients, and the row holds for other coefficients too.
 
+use std::sync::Arc;
+
 use glam::DVec2;
 
 use super::gather::{Gather, norm};
@@ -65,7 +67,7 @@ impl Recording {
 
 impl Unit {
     /// A whole node, the polygon in which has this outline.
-    pub fn of_node(basis: Basis, node: u32, cell: Cell, outline: Option<Box<[DVec2]>>) -> Self {
+    pub fn of_node(basis: Basis, node: u32, cell: Cell, outline: Option<Arc<[DVec2]>>) -> Self {
         let mut coefficients = [[0.0; MAX_FUNCTIONS]; MAX_FUNCTIONS];
         (0..basis.len()).for_each(|a| coefficients[a][a] = 1.0);
         let sent = EmitterCell { cell, node: None, coefficients, outline, virtual_depth: 0, unit: None };
@@ -73,7 +75,7 @@ impl Unit {
     }
 
     /// A part of this, likewise.
-    pub fn part(&self, basis: Basis, split: Split, index: usize, outline: Option<Box<[DVec2]>>) -> Self {
+    pub fn part(&self, basis: Basis, split: Split, index: usize, outline: Option<Arc<[DVec2]>>) -> Self {
         let cell = self.sent.cell.child(split, index);
         let mut coefficients = [[0.0; MAX_FUNCTIONS]; MAX_FUNCTIONS];
         basis.push(split, index, &self.sent.coefficients, &mut coefficients);
