@@ -96,6 +96,12 @@ fn cut(
     (inside.len() <= MAX_CORNERS && added <= MAX_CORNERS).then_some(())
 }
 
+/// Leaves of `part` what lies above a plane; `None` where that has too many corners.
+fn keep(plane: (DVec3, f64, f64), part: &mut Vec<DVec3>, whole: &mut Vec<DVec3>) -> Option<()> {
+    std::mem::swap(whole, part);
+    cut(whole, plane, part, None)
+}
+
 /// Whether a polygon reaches to the side `normal · v > 0` by more than rounding.
 fn reaches(polygon: &[DVec3], normal: DVec3, margin: f64) -> bool {
     polygon.iter().any(|v| normal.dot(*v) > margin)
@@ -103,6 +109,7 @@ fn reaches(polygon: &[DVec3], normal: DVec3, margin: f64) -> bool {
 
 /// The fragments, relative to `eye` (on a plane with unit normal `n`), of the polygon `emitter` (front normal `n_emitter`) that convex
 /// `blockers` leave visible. `None` where they become too many to follow.
+#[inline(never)]
 pub fn visible_fragments<'a, 'b>(
     eye: DVec3,
     n: DVec3,
@@ -124,12 +131,9 @@ pub fn visible_fragments<'a, 'b>(
         // Only what lies between counts: above the eye's horizon and in front of the emitter.
         part.clear();
         part.extend(blocker.iter().map(|p| *p - eye));
-        for (normal, d) in [(n, 0.0), (n_emitter, d_emitter)] {
-            std::mem::swap(whole, part);
-            cut(whole, (normal, d, margin), part, None)?;
-            if part.is_empty() {
-                break;
-            }
+        keep((n, 0.0, margin), part, whole)?;
+        if !part.is_empty() {
+            keep((n_emitter, d_emitter, margin), part, whole)?;
         }
         if part.len() < 3 || !set_planes(part, planes) {
             continue;

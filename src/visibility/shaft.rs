@@ -50,11 +50,11 @@ impl Shaft {
                 planes.push(-normal, -normal.dot(side[0]) - margin);
             }
         }
-        let lanes = [a, b].map(DVec3x4::new);
-        for (side, other) in [(a, b), (b, a)] {
+        let (of_a, of_b) = (DVec3x4::new(a), DVec3x4::new(b));
+        for (side, lanes) in [(a, [&of_a, &of_b]), (b, [&of_b, &of_a])] {
             for i in 0..side.len() {
                 let (p, q) = (side[i], side[(i + 1) % side.len()]);
-                planes.push_supports(p, q - p, other, &lanes, extent);
+                planes.push_supports(p, q - p, lanes, extent);
             }
         }
         let middle = |side: &[DVec3]| side.iter().sum::<DVec3>() / side.len() as f64;
@@ -81,40 +81,33 @@ impl Shaft {
     /// Whether a face may reach into the shaft; `false` is certain. One that only touches it does not reach in. Of faces of few corners it is
     /// told exactly, so that the answer does not turn with the axes, as that of boxes does.
     pub fn may_hold(&self, faces: &OpaqueFaces, face: u32) -> bool {
-        let (from, along) = self.axis;
-        self.may_hold_polygon(faces.vertices(face), || faces.blocks(face, from, along))
+        let ((low, high), (from, along)) = (faces.bounds(face), self.axis);
+        low.cmple(self.high).all()
+            && high.cmpge(self.low).all()
+            && self.may_hold_polygon(faces.vertices(face), || faces.blocks(face, from, along))
     }
 
-    /// The same for a convex or concave polygon, which is asked whether the shaft's axis crosses it where its corners do not tell.
+    /// The same for a convex or concave polygon that reaches into the shaft's box, and is asked whether the shaft's axis crosses it where its
+    /// corners do not tell.
     fn may_hold_polygon(&self, polygon: &[DVec3], is_crossed: impl FnOnce() -> bool) -> bool {
         // Half-spaces that cut the polygon, and corners outside of one or another; of a polygon of few corners.
-        let (mut cutting, mut outside) = (0u32, 0u32);
+        let (mut cutting, mut outside) = (0, 0u32);
         for (group, (n, d)) in self.planes[..self.count.div_ceil(LANES)].iter().enumerate() {
-            let mut reached = 0;
+            let (mut deepest, mut highest) = (f64x4::splat(f64::INFINITY), f64x4::splat(f64::NEG_INFINITY));
             for (i, v) in polygon.iter().enumerate() {
-                let inside = n.dot(&DVec3x4::splat(*v)).simd_lt(*d).to_bitmask();
-                reached |= inside;
-                let beyond = !inside & 0b1111;
-                cutting |= beyond << (LANES * group);
-                outside |= u32::from(beyond != 0) << (i % MAX_CUT);
-                if reached == 0b1111 && polygon.len() > MAX_CUT {
-                    break;
-                }
+                let along = n.dot(&DVec3x4::splat(*v));
+                (deepest, highest) = (deepest.fast_min(along), highest.fast_max(along));
+                outside |= u32::from(along.simd_ge(*d).any()) << (i % MAX_CUT);
             }
-            if reached != 0b1111 {
+            if !deepest.simd_lt(*d).all() {
                 return false;
             }
+            cutting |= highest.simd_ge(*d).to_bitmask() << (LANES * group);
         }
-        let in_box = (0..3).all(|axis| {
-            polygon.iter().any(|v| v[axis] <= self.high[axis])
-                && polygon.iter().any(|v| v[axis] >= self.low[axis])
-        });
-        let cutting = cutting & ((1 << self.count) - 1);
-        in_box
-            && (polygon.len() > MAX_CUT
-                || outside.count_ones() < polygon.len() as u32
-                || is_crossed()
-                || self.leaves(polygon, cutting))
+        polygon.len() > MAX_CUT
+            || outside.count_ones() < polygon.len() as u32
+            || is_crossed()
+            || self.leaves(polygon, cutting & ((1 << self.count) - 1))
     }
 
     /// Whether these half-spaces together leave something of a polygon of at most [`MAX_CUT`] corners.
@@ -182,33 +175,24 @@ impl Shaft {
 }
 
 impl Planes {
-    /// Adds the planes through the edge of a side that starts at `p` which touch the `other` side from the left and from the right, where they
-    /// have all corners of `both` sides on the same side: then they are faces of the hull.
-    fn push_supports(&mut self, p: DVec3, edge: DVec3, other: &[DVec3], both: &[DVec3x4; 2], extent: f64) {
+    /// Adds the planes through the edge of a side that starts at `p` and a corner of the other side that have all corners of both on the same
+    /// side: these are faces of the hull.
+    fn push_supports(&mut self, p: DVec3, edge: DVec3, [own, other]: [&DVec3x4; 2], extent: f64) {
+        let at = DVec3x4::splat(p);
+        let (own, other) = (*own - at, *other - at);
+        let swung = DVec3x4::splat(edge).cross(&other);
+        let lengths = swung.length_squared().sqrt().to_array();
+        let [x, y, z] = [swung.0[0].to_array(), swung.0[1].to_array(), swung.0[2].to_array()];
         let margin = extent * 1e-9;
-        let mut swung = [(DVec3::ZERO, 0.0); LANES];
-        for (swung, r) in swung.iter_mut().zip(other) {
-            let normal = edge.cross(*r - p);
-            *swung = (normal, normal.length());
-        }
-        for turn in [1.0, -1.0] {
-            let (mut normal, mut length) = (DVec3::ZERO, 0.0);
-            for ((swung, size), r) in swung.iter().zip(other) {
-                // Gift wrapping: swing the plane out to each corner that lies beyond it.
-                if (length == 0.0 || normal.dot(*r - p) > margin * length) && *size > extent * extent * 1e-12
-                {
-                    (normal, length) = (*swung * turn, *size);
-                }
+        for i in (0..LANES).filter(|i| lengths[*i] > extent * extent * 1e-12) {
+            let normal = DVec3::new(x[i], y[i], z[i]) / lengths[i];
+            let lanes = DVec3x4::splat(normal);
+            let (height, other_height) = (lanes.dot(&own), lanes.dot(&other));
+            if height.fast_max(other_height).simd_le(f64x4::splat(margin)).all() {
+                self.push(normal, normal.dot(p) - margin);
             }
-            if length == 0.0 {
-                continue;
-            }
-            let normal = normal / length;
-            let d = normal.dot(p);
-            let (lanes, distance) = (DVec3x4::splat(normal), f64x4::splat(d));
-            let inside = |corners: &DVec3x4| (lanes.dot(corners) - distance).simd_le(f64x4::splat(margin));
-            if (inside(&both[0]) & inside(&both[1])).all() {
-                self.push(normal, d - margin);
+            if height.fast_min(other_height).simd_ge(f64x4::splat(-margin)).all() {
+                self.push(-normal, -normal.dot(p) - margin);
             }
         }
     }
