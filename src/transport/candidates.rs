@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use super::pair::Scratch;
+use crate::math::lanes::DVec3x4;
 use crate::visibility::{Bundle, Occluder, OpaqueFaces, Shaft};
 
 /// Which faces may stand between a bundle and a cell.
@@ -21,29 +22,51 @@ pub enum Candidates {
 /// The most candidates listed for a shaft.
 pub const LIST_LIMIT: usize = 48;
 
-/// Narrows `candidates` to those that reach into `shaft`, the hull of `a` and `b`. A new list stands at the end of the scratch list.
+impl Candidates {
+    /// The one of them that blocked a segment last, if one did.
+    pub fn likely(self, faces: &OpaqueFaces, skip: [u32; 2], scratch: &Scratch) -> Option<u32> {
+        match self {
+            Candidates::Free | Candidates::Hidden => None,
+            Candidates::List(start, _) => Some(scratch.candidates[start]),
+            Candidates::Scene => {
+                let last = scratch.last_blocker;
+                ((last as usize) < faces.len() && !skip.contains(&last)).then_some(last)
+            }
+        }
+    }
+}
+
+/// One side of a shaft: at most four corners of a plane, and its unit normal where it has a front.
+pub type Side<'a> = (&'a [DVec3], Option<DVec3>);
+
+/// Narrows `candidates` to those that reach into the shaft between `a` and `b`. A new list stands at the end of the scratch list.
 pub fn narrow(
     occluder: &dyn Occluder,
-    shaft: &Shaft,
     candidates: Candidates,
     skip: [u32; 2],
-    a: &[DVec3],
-    b: &[DVec3],
+    (a, a_normal): Side<'_>,
+    (b, b_normal): Side<'_>,
     scratch: &mut Scratch,
 ) -> Candidates {
-    let top = scratch.candidates.len();
+    let (faces, top, corners) = (occluder.faces(), scratch.candidates.len(), DVec3x4::new(b));
+    let hides = |face: u32| a.iter().all(|from| faces.hides(face, *from, &corners));
+    // Before a shaft is made.
+    if candidates.likely(faces, skip, scratch).is_some_and(hides) {
+        return Candidates::Hidden;
+    }
+    let shaft = Shaft::between(a, a_normal, b, b_normal);
     match candidates {
         Candidates::Free | Candidates::Hidden => return candidates,
         Candidates::List(start, end) => {
             for i in start..end {
                 let face = scratch.candidates[i];
-                if shaft.may_hold(occluder.faces(), face) {
+                if shaft.may_hold(faces, face) {
                     scratch.candidates.push(face);
                 }
             }
         }
         Candidates::Scene => {
-            if !occluder.candidates(shaft, skip, LIST_LIMIT, &mut scratch.candidates) {
+            if !occluder.candidates(&shaft, skip, LIST_LIMIT, &mut scratch.candidates) {
                 return Candidates::Scene;
             }
         }
@@ -52,17 +75,11 @@ pub fn narrow(
     if list.is_empty() {
         return Candidates::Free;
     }
-    if list.iter().any(|face| hides(occluder.faces(), *face, a, b)) {
+    if list.iter().any(|face| hides(*face)) {
         scratch.candidates.truncate(top);
         return Candidates::Hidden;
     }
     Candidates::List(top, scratch.candidates.len())
-}
-
-/// Whether a convex face blocks every segment between two convex polygons. It does when it blocks those between their corners: seen from a
-/// point of one, the other projects onto the face's plane within the hull of its corners' projections.
-fn hides(faces: &OpaqueFaces, face: u32, a: &[DVec3], b: &[DVec3]) -> bool {
-    faces.piece_count(face) == 1 && a.iter().all(|p| b.iter().all(|q| faces.blocks(face, *p, *q - *p)))
 }
 
 /// Whether no face of a list blocks the segment from `from` to `to`; the first one that does moves to the front, where the next segment

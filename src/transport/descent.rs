@@ -13,7 +13,7 @@ use super::receiver::{Deposited, Receiver};
 use super::share::Helpers;
 use super::source::Source;
 use crate::math::{Cell, Split};
-use crate::visibility::Shaft;
+use crate::visibility::NO_FACE;
 
 /// Sources of an element that are judged in one piece.
 const TOGETHER: usize = 4;
@@ -50,6 +50,9 @@ impl<'a, S> Aim<'a, S> {
 struct Visitor {
     aim: u32,
     candidates: Candidates,
+    /// The face that blocked a segment last, where there is no list. It goes with the source, not with the worker, since what is seen to be
+    /// hidden depends on it.
+    last_blocker: u32,
 }
 
 /// What became of the sources that came to an element.
@@ -124,7 +127,8 @@ impl<'a, const N: usize, S: Source<N>> Descent<'a, N, S> {
         helpers: &dyn Helpers,
     ) -> Deposited<N> {
         let candidates = self.task.candidates();
-        let visitors = (0..self.aims.len() as u32).map(|aim| Visitor { aim, candidates });
+        let visitor = |aim| Visitor { aim, candidates, last_blocker: NO_FACE };
+        let visitors = (0..self.aims.len() as u32).map(visitor);
         let visitors: Vec<Visitor> = visitors.collect();
         self.visit(
             receiver,
@@ -277,6 +281,7 @@ impl<'a, const N: usize, S: Source<N>> Descent<'a, N, S> {
             if !aim.source.reaches(self.task.patch.frame.normal, &element.hull) {
                 continue;
             }
+            scratch.last_blocker = visitor.last_blocker;
             let candidates = self.narrow(aim, element, visitor.candidates, visit.faces, scratch);
             if visit.level == 0 && candidates == Candidates::Free {
                 scratch.work.pairs_unoccluded += 1;
@@ -295,7 +300,7 @@ impl<'a, const N: usize, S: Source<N>> Descent<'a, N, S> {
                 }
             };
             divided |= matches!(verdict, Verdict::Rough(_));
-            let mut visitor = Visitor { candidates, ..*visitor };
+            let mut visitor = Visitor { candidates, last_blocker: scratch.last_blocker, ..*visitor };
             if let Candidates::List(from, to) = &mut visitor.candidates {
                 let start = judged.faces.len();
                 judged.faces.extend_from_slice(&scratch.candidates[*from..*to]);
@@ -322,7 +327,6 @@ impl<'a, const N: usize, S: Source<N>> Descent<'a, N, S> {
         }
         let (hull, patch) = (&element.hull, self.task.patch);
         let (source, normal) = aim.source.hull(hull);
-        let shaft = Shaft::between(hull, Some(patch.frame.normal), &source, normal);
         let skip = [patch.face, aim.source.face()];
         let candidates = match candidates {
             Candidates::List(from, to) => {
@@ -332,7 +336,8 @@ impl<'a, const N: usize, S: Source<N>> Descent<'a, N, S> {
             }
             other => other,
         };
-        narrow(self.task.occluder, &shaft, candidates, skip, hull, &source, scratch)
+        let receiver = (&hull[..], Some(patch.frame.normal));
+        narrow(self.task.occluder, candidates, skip, receiver, (&source, normal), scratch)
     }
 }
 

@@ -16,14 +16,14 @@ use super::candidates::{Candidates, LIST_LIMIT, is_open, narrow, open_ones};
 use super::judge::{GROUPS, How, Judge};
 use super::light::Ready;
 use super::nodes::{NODE_LANES, Nodes, spread};
-use super::packet::{Detail, EmitterCell, Packet, cell_corners};
+use super::packet::{Detail, EmitterCell, Packet};
 use super::pair::Scratch;
 use super::recording::Unit;
 use super::samples::MAX_SAMPLES;
 use super::view::Geometry;
 use crate::math::basis::MAX_FUNCTIONS;
 use crate::math::lanes::{DVec3x4, LANES, side_by_side};
-use crate::visibility::{Bundle, Occluder, Shaft};
+use crate::visibility::{Bundle, Occluder};
 
 /// Blockers times points from which on a shaft costs less than the ray tests it may save (measured).
 const WORTH_A_SHAFT: usize = 32;
@@ -128,7 +128,7 @@ impl<'a, const N: usize> Gather<'a, N> {
             self.scratch.work.sights_free += u64::from(how.taken().count_ones());
         }
         let ready = Ready::default();
-        let mut divided = how.divided;
+        let mut divided = self.not_hidden(how.divided, emitter, &ready, candidates);
         // What is recorded, and what rays must tell first, goes point by point; the rest side by side.
         let recorded = self.recorded(emitter);
         let alone = if candidates == Candidates::Free { how.taken() & recorded } else { how.taken() };
@@ -196,13 +196,17 @@ impl<'a, const N: usize> Gather<'a, N> {
         how: &How,
     ) -> Sight<N> {
         let rays = how.rays_of(p);
-        if rays == 0 {
+        if rays == 0 || rays > 1 && self.is_hidden(p, emitter, ready, candidates) {
             return Sight::Nodes(0);
         }
         let targets = ready.nodes.get(self.packet, emitter, rays, &mut self.scratch.nodes);
         let visible = self.trace(p, emitter, targets, ready, candidates);
         let unanimous = visible == 0 || visible == targets.all();
-        let open = !unanimous || how.doubt & 1 << p != 0;
+        let doubted = how.doubt & 1 << p != 0;
+        if unanimous && doubted && self.is_certain(p, emitter, candidates) {
+            return Sight::Nodes(visible);
+        }
+        let open = !unanimous || doubted;
         if open && how.split & 1 << p != 0 {
             return Sight::Divide;
         }
@@ -215,6 +219,54 @@ impl<'a, const N: usize> Gather<'a, N> {
             });
         }
         Sight::Nodes(visible)
+    }
+
+    /// Whether the face that blocked a segment last hides all of the cell from point `p`, which rays cannot tell. Of a bundle alone: what
+    /// blocked a single point's segment last is another pair's, and the solution must not hang on who came first.
+    fn is_hidden(
+        &mut self,
+        p: usize,
+        emitter: &EmitterCell<N>,
+        ready: &Ready<N>,
+        candidates: Candidates,
+    ) -> bool {
+        let faces = self.occluder.faces();
+        let likely = candidates.likely(faces, self.own_faces(), self.scratch);
+        let hides = |face| faces.hides(face, self.points.eye[p], ready.corners(&self.packet.frame, emitter));
+        let hidden = self.points.eye.len() > 1 && likely.is_some_and(hides);
+        self.scratch.work.sights_hidden += u64::from(hidden);
+        hidden
+    }
+
+    /// Whether nothing stands between point `p` and the cell, or one face that hides all of it.
+    fn is_certain(&mut self, p: usize, emitter: &EmitterCell<N>, candidates: Candidates) -> bool {
+        let top = self.scratch.candidates.len();
+        let eye = [self.points.eye[p]];
+        let corners = emitter.hull(&self.packet.frame);
+        let (point, cell) =
+            ((&eye[..], Some(self.points.normal)), (&corners[..], Some(self.packet.frame.normal)));
+        let narrowed = narrow(self.occluder, candidates, self.own_faces(), point, cell, self.scratch);
+        self.scratch.candidates.truncate(top);
+        matches!(narrowed, Candidates::Free | Candidates::Hidden)
+    }
+
+    /// Those of the points from which the cell is not known to be hidden, for the others need not look at its parts.
+    fn not_hidden(
+        &mut self,
+        points: u32,
+        emitter: &EmitterCell<N>,
+        ready: &Ready<N>,
+        candidates: Candidates,
+    ) -> u32 {
+        let mut rest = points;
+        for p in points_of(points) {
+            if self.is_hidden(p, emitter, ready, candidates) {
+                rest &= !(1 << p);
+                // What hides it from this point may not do so from the next.
+                self.uncertain[p] += self.form_factor(p, emitter) * norm(&emitter.coefficients[0]);
+            }
+        }
+        rest
     }
 
     /// Which of the nodes of a cell point `p` sees, as a bit mask. In a crowd it looks past them, elsewhere than the other points: what stood
@@ -249,7 +301,7 @@ impl<'a, const N: usize> Gather<'a, N> {
                 open_ones(faces, list, &bundle)
             }
             Candidates::Scene => {
-                let skip = [self.points.face, self.packet.face];
+                let skip = self.own_faces();
                 all & !self.occluder.blocked(from, targets, skip, &mut self.scratch.last_blocker)
             }
         }
@@ -292,15 +344,15 @@ impl<'a, const N: usize> Gather<'a, N> {
             }
             _ => {}
         }
-        let corners = cell_corners(&emitter.cell).map(|c| self.packet.frame.point(c));
-        let shaft = Shaft::between(
-            self.points.hull,
-            Some(self.points.normal),
-            &corners,
-            Some(self.packet.frame.normal),
-        );
-        let skip = [self.points.face, self.packet.face];
-        narrow(self.occluder, &shaft, candidates, skip, self.points.hull, &corners, self.scratch)
+        let corners = emitter.hull(&self.packet.frame);
+        let points = (self.points.hull, Some(self.points.normal));
+        let cell = (&corners[..], Some(self.packet.frame.normal));
+        narrow(self.occluder, candidates, self.own_faces(), points, cell, self.scratch)
+    }
+
+    /// The faces that the points and the emitter lie on, which shadow neither.
+    fn own_faces(&self) -> [u32; 2] {
+        [self.points.face, self.packet.face]
     }
 }
 

@@ -19,6 +19,7 @@ use super::samples::MAX_SAMPLES;
 use super::unblocked::visible_fragments;
 use crate::math::basis::MAX_FUNCTIONS;
 use crate::math::lanes::{DVec3x4, LANES, side_by_side};
+use crate::scene::Frame;
 
 /// Quadrature on a cell, made once for all points that take it.
 #[derive(Default)]
@@ -28,12 +29,18 @@ pub(super) struct Ready<const N: usize> {
     pub unit: [OnceCell<Box<Nodes<MAX_FUNCTIONS>>>; 3],
     /// Where visibility is taken from, side by side.
     eyes: [OnceCell<[DVec3x4; NODE_LANES]>; 3],
+    corners: OnceCell<DVec3x4>,
 }
 
 impl<const N: usize> Ready<N> {
     /// Where visibility is taken from for these nodes of the cell, side by side.
     pub fn eyes(&self, nodes: &Nodes<N>) -> &[DVec3x4; NODE_LANES] {
         self.eyes[nodes.count.isqrt() - 1].get_or_init(|| side_by_side(&nodes.eye[..nodes.count]))
+    }
+
+    /// The corners of the cell, side by side.
+    pub fn corners(&self, frame: &Frame, emitter: &EmitterCell<N>) -> &DVec3x4 {
+        self.corners.get_or_init(|| DVec3x4::new(&emitter.hull(frame)))
     }
 }
 
@@ -149,8 +156,7 @@ impl<const N: usize> Gather<'_, N> {
         )?;
         let x = self.points.position[p];
         let shift = eye - x;
-        self.scratch.work.lambert_evaluations += 1 + visible.len() as u64;
-        let whole = form_factor(x, n_x, emitter.corners(&self.packet.frame));
+        self.scratch.work.lambert_evaluations += visible.len() as u64;
         let mut light = [0.0; M];
         let packet = self.packet;
         let radiosity = |y: DVec3| nearest_radiosity(packet, emitter, x + y);
@@ -185,7 +191,13 @@ impl<const N: usize> Gather<'_, N> {
                 }
             }
         }
-        Some((light, whole))
+        Some((light, self.form_factor(p, emitter)))
+    }
+
+    /// The form factor of a cell from point `p`, all of it seen.
+    pub(super) fn form_factor<const M: usize>(&mut self, p: usize, emitter: &EmitterCell<M>) -> f64 {
+        self.scratch.work.lambert_evaluations += 1;
+        form_factor(self.points.position[p], self.points.normal, emitter.corners(&self.packet.frame))
     }
 
     /// Sorts candidates by their distance from a point of the bundle's hull that lies on none of its axes of symmetry. Which fragments are

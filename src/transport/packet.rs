@@ -215,6 +215,11 @@ impl<const N: usize> PacketNode<N> {
 }
 
 impl<const N: usize> EmitterCell<N> {
+    /// The corners of the cell in space, counter-clockwise.
+    pub fn hull(&self, frame: &Frame) -> [DVec3; 4] {
+        cell_corners(&self.cell).map(|corner| frame.point(corner))
+    }
+
     /// The corners of the emitting polygon (the cell where all of it emits) in space, counter-clockwise.
     pub fn corners<'a>(&'a self, frame: &'a Frame) -> impl Iterator<Item = DVec3> + Clone + 'a {
         let whole = cell_corners(&self.cell);

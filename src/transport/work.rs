@@ -19,6 +19,8 @@ pub struct Work {
     pub sights_by_rays: u64,
     /// The same where the shaft was empty: no ray was needed.
     pub sights_free: u64,
+    /// The same where one face is known to hide the cell from the point: no ray was needed.
+    pub sights_hidden: u64,
     /// Accepted transfers that needed no ray.
     pub interactions_without_rays: u64,
     /// Visible parts of emitter cells computed exactly.
@@ -63,6 +65,7 @@ impl std::ops::AddAssign for Work {
         self.rays_listed += o.rays_listed;
         self.sights_by_rays += o.sights_by_rays;
         self.sights_free += o.sights_free;
+        self.sights_hidden += o.sights_hidden;
         self.interactions_without_rays += o.interactions_without_rays;
         self.exact_visibilities += o.exact_visibilities;
         self.pairs_unoccluded += o.pairs_unoccluded;

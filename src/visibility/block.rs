@@ -8,8 +8,8 @@ use super::opaque::{Parts, doubt, overlaps};
 use super::{END_MARGIN, OpaqueFaces};
 use crate::math::lanes::{DVec3x4, LANES};
 
-/// Stands in the lanes that hold no face.
-pub(super) const NO_FACE: u32 = u32::MAX;
+/// Stands where there is no face.
+pub const NO_FACE: u32 = u32::MAX;
 
 /// Up to four faces; the others have no normal, which nothing meets.
 #[derive(Clone)]

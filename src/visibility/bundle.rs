@@ -38,11 +38,7 @@ impl OpaqueFaces {
     /// Which of the segments the face blocks, as a bit mask.
     #[inline]
     pub fn blocked_by(&self, face: u32, bundle: &Bundle) -> u32 {
-        let Parts { normal, offset, .. } = self.parts(face);
-        let height = offset - normal.dot(bundle.from);
-        // With the normal turned away from the point, slopes towards the plane are positive.
-        let (height, normal) = if height < 0.0 { (-height, -*normal) } else { (height, *normal) };
-        let (height, normal) = (f64x4::splat(height), DVec3x4::splat(normal));
+        let (height, normal) = self.before(face, bundle.from);
         let mut blocked = 0;
         for (group, along) in bundle.along[..bundle.count.div_ceil(LANES)].iter().enumerate() {
             let slope = normal.dot(along);
@@ -53,6 +49,27 @@ impl OpaqueFaces {
             }
         }
         blocked & bundle.all()
+    }
+
+    /// Whether the face hides all that lies between these four points from the point `from`: a convex face does that blocks the segments to
+    /// them, for the hull of the points projects onto its plane within the hull of their projections. Of others it is not told.
+    #[inline]
+    pub fn hides(&self, face: u32, from: DVec3, corners: &DVec3x4) -> bool {
+        let (height, normal) = self.before(face, from);
+        let along = *corners - DVec3x4::splat(from);
+        let slope = normal.dot(&along);
+        slope.simd_gt(height).all()
+            && self.piece_count(face) == 1
+            && self.blocked_along(face, from, &along, height / slope, slope) == (1 << LANES) - 1
+    }
+
+    /// How high the point lies over the face's plane, and the plane's normal turned away from it, so that slopes towards the plane are positive.
+    #[inline]
+    fn before(&self, face: u32, from: DVec3) -> (f64x4, DVec3x4) {
+        let Parts { normal, offset, .. } = self.parts(face);
+        let height = offset - normal.dot(from);
+        let (height, normal) = if height < 0.0 { (-height, -*normal) } else { (height, *normal) };
+        (f64x4::splat(height), DVec3x4::splat(normal))
     }
 
     /// Which of four segments that meet the face's plane at `t` it blocks.

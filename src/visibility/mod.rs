@@ -17,6 +17,7 @@ mod shaft;
 
 use glam::DVec3;
 
+pub use block::NO_FACE;
 pub use brute::Brute;
 pub use bsp::Bsp;
 pub use bundle::Bundle;
