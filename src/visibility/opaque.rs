@@ -73,7 +73,8 @@ pub(super) struct Corner {
 const EDGE_OVERLAP: f64 = 1e-12;
 /// The most that they reach further for a segment that all but lies in their plane.
 pub(super) const MOST_OVERLAP: f64 = 1e-7;
-/// Triangles and parallelograms this many times as long as wide are tested as polygons: coordinates in shares of their width are rounding.
+/// Triangles and parallelograms this many times as long as wide are tested as polygons, as are those so small that rounding is more than they
+/// reach beyond their edges: coordinates in shares of their width are rounding.
 const MOST_ASPECT: f64 = 1e4;
 /// Roundings in where a segment meets a plane, relative to the coordinates.
 pub(super) const ROUNDING: f64 = 16.0 * f64::EPSILON;
@@ -129,7 +130,7 @@ pub(super) fn grazing(doubt: f64x4, per_size: f64x4, slope: f64x4) -> f64x4 {
 }
 
 impl Corner {
-    fn new(vertices: &[DVec3]) -> Option<Self> {
+    fn new(vertices: &[DVec3], far: f64) -> Option<Self> {
         let (u, v, parallelogram) = match vertices {
             [p, q, r] => (*q - *p, *r - *p, false),
             [p, q, r, s] if (*p + *r - *q - *s).length() <= 1e-12 * (*r - *p).length() => {
@@ -141,7 +142,8 @@ impl Corner {
         let square = normal.length_squared();
         let (a, b) = (v.cross(normal) / square, normal.cross(u) / square);
         let (a0, b0, per_size) = (a.dot(vertices[0]), b.dot(vertices[0]), a.length().max(b.length()));
-        let usable = per_size * u.length().max(v.length()) <= MOST_ASPECT;
+        let usable =
+            per_size * u.length().max(v.length()) <= MOST_ASPECT && per_size * ROUNDING * far <= MOST_OVERLAP;
         usable.then_some(Self { a, a0, b, b0, parallelogram, per_size })
     }
 
@@ -245,7 +247,7 @@ impl OpaqueFaces {
             let off_plane = face.vertices.iter().map(|v| (v.dot(normal) - offset).abs()).fold(0.0, f64::max);
             let pieces = prepared.add_pieces(&face.vertices, normal, axis);
             let far = face.vertices.iter().map(|v| v.abs().element_sum()).fold(0.0, f64::max);
-            let corner = Corner::new(&face.vertices);
+            let corner = Corner::new(&face.vertices, far);
             let polygon = corner.is_none();
             let low = face.vertices.iter().fold(start, |a, v| a.min(*v)) - 2.0 * off_plane;
             let high = face.vertices.iter().fold(start, |a, v| a.max(*v)) + 2.0 * off_plane;
@@ -502,6 +504,18 @@ mod tests {
     #[test]
     fn large_faces_that_short_segments_graze_near_the_origin_have_no_gap() {
         assert!(blockers(50.0, DVec3::ZERO, 0.01, 1e-6, 0.0).iter().all(|[a, b]| *a || *b));
+    }
+
+    #[test]
+    fn needles_of_a_width_near_to_rounding_have_no_gap() {
+        let (length, width) = (3e-9, 4e-13);
+        let is_open = |turn: &DQuat| {
+            let place = |x: f64, y: f64| DVec3::new(1.5, 1.4, -2.3) + *turn * DVec3::new(x, y, 0.0);
+            let needle = faces(&[vec![place(0.0, 0.0), place(length, 0.0), place(length, width)]]);
+            let along = *turn * DVec3::new(0.1, -0.2, 1.0);
+            !needle.blocks(0, place(length - width, 0.5 * width) - 0.4 * along, along)
+        };
+        assert_eq!(turns().filter(is_open).count(), 0);
     }
 
     /// Rounding moves where they meet the plane by half a micrometre; 0.2 nm above the edge they meet it 2 µm from there.
