@@ -85,7 +85,9 @@ fn is_inside(edges: &[[DVec2; 2]], p: DVec2) -> bool {
 
 /// Whether a point is this near to an edge.
 fn is_on([a, b]: &[DVec2; 2], p: DVec2, near: f64) -> bool {
-    if p.y < a.y.min(b.y) - near || p.y > a.y.max(b.y) + near {
+    // Most edges are elsewhere. Bands know how far edges reach in y; in x both measures of nearness may add up beyond a corner.
+    let around = DVec2::new(2.0 * near, near);
+    if p.cmplt(a.min(*b) - around).any() || p.cmpgt(a.max(*b) + around).any() {
         return false;
     }
     let (edge, to) = (*b - *a, p - *a);

@@ -13,7 +13,7 @@ use super::MAX_BUNDLE;
 
 /// Share of the coordinates by which boxes are taken to be larger: sixteen roundings of an f32, and three times what faces at most reach
 /// beyond their edges.
-const PAD: f64 = 1.0 / (1u32 << 20) as f64;
+pub(super) const PAD: f64 = 1.0 / (1u32 << 20) as f64;
 /// Share by which the greatest t is taken to be larger.
 const SLACK: f32 = 1.0 + 1.0 / (1u32 << 20) as f32;
 /// Directions are taken to be at least this steep, relative to the longest, so that bounds stay finite.
@@ -36,7 +36,7 @@ pub(super) struct Beam {
 
 impl Beam {
     /// Segments from `origin` up to `reach` times their directions, each of which lies between `least` and `greatest`. `extent` is the
-    /// greatest coordinate of all boxes. `None` where all directions are 0.
+    /// greatest coordinate of all boxes, or more. `None` where all directions are 0.
     #[inline(always)]
     pub fn new(origin: DVec3, least: DVec3, greatest: DVec3, reach: f64, extent: f64) -> Option<Self> {
         let longest = least.abs().max(greatest.abs()).max_element();

@@ -4,7 +4,7 @@
 use glam::DVec3;
 use wide::f64x4;
 
-use super::opaque::{Parts, doubt, overlaps};
+use super::opaque::{Parts, doubts, grazing, overlaps};
 use super::{END_MARGIN, OpaqueFaces};
 use crate::math::lanes::{DVec3x4, LANES};
 
@@ -21,6 +21,7 @@ pub(super) struct Block {
     b: DVec3x4,
     b0: f64x4,
     per_size: f64x4,
+    far: f64x4,
     /// All bits where the far half of the parallelogram belongs to the face.
     parallelogram: f64x4,
     /// Which faces these are.
@@ -59,6 +60,7 @@ impl Block {
             b: vector(&|part| part.corner.b),
             b0: lanes(&|part| part.corner.b0),
             per_size: lanes(&|part| part.corner.per_size),
+            far: lanes(&|part| part.far),
             parallelogram: lanes(&mask),
             face: std::array::from_fn(|i| list.get(i).copied().unwrap_or(NO_FACE)),
             polygons: (0..LANES).map(|i| (parts[i].polygon as u32) << i).sum(),
@@ -89,8 +91,9 @@ impl Block {
             let t = height / slope;
             let inside = t.simd_gt(least) & t.simd_lt(greatest);
             if inside.any() {
-                let hits = (inside & self.contains(&line, t, slope)).to_bitmask();
-                if let Some(face) = self.certain(faces, &line, skip, hits) {
+                let (met, asked) = self.contains(&line, t, slope);
+                let hits = (inside & met).to_bitmask();
+                if let Some(face) = self.certain(faces, &line, skip, hits, asked) {
                     *last = face;
                     blocked |= 1 << i;
                 }
@@ -99,13 +102,20 @@ impl Block {
         blocked
     }
 
-    /// The first face among these hits that blocks.
+    /// The first face among these hits that blocks; those `asked` are tested alone.
     #[inline]
-    fn certain(&self, faces: &OpaqueFaces, line: &Line, skip: [u32; 2], mut hits: u32) -> Option<u32> {
+    fn certain(
+        &self,
+        faces: &OpaqueFaces,
+        line: &Line,
+        skip: [u32; 2],
+        mut hits: u32,
+        asked: u32,
+    ) -> Option<u32> {
         while hits != 0 {
             let lane = hits.trailing_zeros() as usize % LANES;
             let face = self.face[lane];
-            let certain = self.polygons >> lane & 1 == 0;
+            let certain = asked >> lane & 1 == 0;
             if !skip.contains(&face) && (certain || faces.blocks(face, line.from, line.along)) {
                 return Some(face);
             }
@@ -119,26 +129,31 @@ impl Block {
     pub fn hits(&self, faces: &OpaqueFaces, line: &Line, reach: f64, mut found: impl FnMut(u32, f64)) {
         let slope = self.normal.dot(&DVec3x4::splat(line.along));
         let t = (self.offset - self.normal.dot(&DVec3x4::splat(line.from))) / slope;
-        let ahead = t.simd_gt(f64x4::ZERO) & t.simd_le(f64x4::splat(reach.min(f64::MAX)));
-        if !ahead.any() {
-            return;
-        }
-        let hits = (ahead & self.contains(line, t, slope)).to_bitmask();
-        for lane in (0..LANES).filter(|lane| hits >> lane & 1 != 0) {
+        let is_ahead = |t: f64| t > 0.0 && t <= reach.min(f64::MAX);
+        let (met, asked) = self.contains(line, t, slope);
+        let (met, t) = (met.to_bitmask(), t.to_array());
+        for lane in (0..LANES).filter(|lane| met >> lane & 1 != 0) {
             let face = self.face[lane];
-            if self.polygons >> lane & 1 == 0 || faces.hit(face, line.from, line.along).is_some() {
-                found(face, t.to_array()[lane]);
+            // Edges may be met ahead where the plane is met behind.
+            let at =
+                if asked >> lane & 1 == 0 { Some(t[lane]) } else { faces.hit(face, line.from, line.along) };
+            if let Some(at) = at.filter(|t| is_ahead(*t)) {
+                found(face, at);
             }
         }
     }
 
-    /// Where the point at `t` lies in the face, or in the rectangle around a polygon.
+    /// Which faces the point at `t` may lie in or the line pass the edges of, and which must be asked about it: polygons, of which the rectangle
+    /// around is looked at here, and those that the line grazes.
     #[inline]
-    fn contains(&self, line: &Line, t: f64x4, slope: f64x4) -> f64x4 {
+    fn contains(&self, line: &Line, t: f64x4, slope: f64x4) -> (f64x4, u32) {
         let p = DVec3x4::splat(line.from) + DVec3x4::splat(line.along) * t;
         let (a, b) = (self.a.dot(&p) - self.a0, self.b.dot(&p) - self.b0);
         let far = self.parallelogram.bitselect(a.fast_max(b), a + b);
-        let overlap = overlaps(f64x4::splat(doubt(line.from, line.along)), self.per_size, slope);
-        a.fast_min(b).simd_ge(-overlap) & far.simd_le(f64x4::ONE + overlap)
+        let doubt = doubts(line.from, &DVec3x4::splat(line.along), self.far);
+        let overlap = overlaps(doubt, self.per_size, slope);
+        let grazed = grazing(doubt, self.per_size, slope);
+        let met = a.fast_min(b).simd_ge(-overlap) & far.simd_le(f64x4::ONE + overlap) | grazed;
+        (met, self.polygons | grazed.to_bitmask())
     }
 }

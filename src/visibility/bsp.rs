@@ -15,7 +15,7 @@ const LEAF_FACES: usize = 4;
 const STEP_COST: f64 = 0.7;
 /// Longest path from the root.
 const MAX_DEPTH: usize = 48;
-/// Share of the scene's size by which cells overlap: more than faces ever reach beyond their edges.
+/// Share of the scene's size by which cells overlap: more than faces ever reach beyond their edges, but for rounding of coordinates.
 const OVERLAP: f64 = 1e-6;
 /// Share of coordinates that rounding may take from where a segment crosses a plane.
 const ROUNDING: f64 = 16.0 * f64::EPSILON;
@@ -60,6 +60,12 @@ impl Cell {
     fn grown(self, by: f64) -> Cell {
         Cell { low: self.low - by, high: self.high + by }
     }
+
+    /// By how much cells of a scene in this one overlap.
+    fn overlap(self) -> f64 {
+        let coordinates = self.low.abs().max(self.high.abs()).element_sum();
+        OVERLAP * (self.high - self.low).max_element() + 4.0 * ROUNDING * coordinates
+    }
 }
 
 /// A cell of a walk, and where the segment is in it.
@@ -77,7 +83,7 @@ impl Bsp {
         let nothing = Cell { low: DVec3::INFINITY, high: DVec3::NEG_INFINITY };
         let bounds = all.iter().map(|f| faces.bounds(*f));
         let around = bounds.fold(nothing, |c, (l, h)| Cell { low: c.low.min(l), high: c.high.max(h) });
-        let overlap = OVERLAP * (around.high - around.low).max_element();
+        let overlap = around.overlap();
         let mut bsp = Self { faces, nodes: Vec::new(), lists: Vec::new(), root: around, depth: 0 };
         if !all.is_empty() {
             bsp.root = around.grown(overlap);
@@ -247,7 +253,7 @@ impl Occluder for Bsp {
 
     fn candidates(&self, shaft: &Shaft, skip: [u32; 2], limit: usize, out: &mut Vec<u32>) -> bool {
         let first = out.len();
-        let overlap = OVERLAP * (self.root.high - self.root.low).max_element();
+        let overlap = self.root.overlap();
         let mut stack = vec![(0u32, self.root)];
         while let Some((index, cell)) = stack.pop() {
             let grown = cell.grown(overlap);

@@ -4,7 +4,7 @@
 use glam::DVec3;
 use wide::f64x4;
 
-use super::opaque::{MOST_OVERLAP, Parts, doubts, overlaps};
+use super::opaque::{MOST_OVERLAP, Parts, doubts, grazing, grazing_height, overlaps};
 use super::{END_MARGIN, MAX_BUNDLE, OpaqueFaces};
 use crate::math::lanes::{DVec3x4, LANES};
 
@@ -43,9 +43,8 @@ impl OpaqueFaces {
         for (group, along) in bundle.along[..bundle.count.div_ceil(LANES)].iter().enumerate() {
             let slope = normal.dot(along);
             // Most segments end before the plane or lead away from it, which shows without a division.
-            if slope.simd_gt(height).any() {
-                blocked |=
-                    self.blocked_along(face, bundle.from, along, height / slope, slope) << (LANES * group);
+            if slope.simd_gt(f64x4::splat(height)).any() {
+                blocked |= self.blocked_along(face, bundle.from, along, height, slope) << (LANES * group);
             }
         }
         blocked & bundle.all()
@@ -58,47 +57,66 @@ impl OpaqueFaces {
         let (height, normal) = self.before(face, from);
         let along = *corners - DVec3x4::splat(from);
         let slope = normal.dot(&along);
-        slope.simd_gt(height).all()
+        slope.simd_gt(f64x4::splat(height)).all()
             && self.piece_count(face) == 1
-            && self.blocked_along(face, from, &along, height / slope, slope) == (1 << LANES) - 1
+            && self.blocked_along(face, from, &along, height, slope) == (1 << LANES) - 1
     }
 
     /// How high the point lies over the face's plane, and the plane's normal turned away from it, so that slopes towards the plane are positive.
     #[inline]
-    fn before(&self, face: u32, from: DVec3) -> (f64x4, DVec3x4) {
+    fn before(&self, face: u32, from: DVec3) -> (f64, DVec3x4) {
         let Parts { normal, offset, .. } = self.parts(face);
         let height = offset - normal.dot(from);
         let (height, normal) = if height < 0.0 { (-height, -*normal) } else { (height, *normal) };
-        (f64x4::splat(height), DVec3x4::splat(normal))
+        (height, DVec3x4::splat(normal))
     }
 
-    /// Which of four segments that meet the face's plane at `t` it blocks.
+    /// Which of four segments the face blocks, from a point this high over its plane, which they fall towards by these slopes.
     #[inline]
-    fn blocked_along(&self, face: u32, from: DVec3, along: &DVec3x4, t: f64x4, slope: f64x4) -> u32 {
-        let Parts { corner, polygon, .. } = self.parts(face);
+    fn blocked_along(&self, face: u32, from: DVec3, along: &DVec3x4, height: f64, slope: f64x4) -> u32 {
+        let Parts { corner, polygon, far: greatest, .. } = self.parts(face);
+        let t = f64x4::splat(height) / slope;
         let inside = t.simd_gt(f64x4::splat(END_MARGIN)) & t.simd_lt(f64x4::splat(1.0 - END_MARGIN));
         let p = DVec3x4::splat(from) + *along * t;
         let a = DVec3x4::splat(corner.a).dot(&p) - f64x4::splat(corner.a0);
         let b = DVec3x4::splat(corner.b).dot(&p) - f64x4::splat(corner.b0);
         let (near, far) = (a.fast_min(b), if corner.parallelogram { a.fast_max(b) } else { a + b });
         let within = |overlap: f64x4| inside & near.simd_ge(-overlap) & far.simd_le(f64x4::ONE + overlap);
-        if !within(f64x4::splat(MOST_OVERLAP)).any() {
+        let is_low = || height < grazing_height(from, *greatest, corner.per_size);
+        if !(within(f64x4::splat(MOST_OVERLAP)).any() || inside.any() && is_low()) {
             return 0;
         }
-        let overlap = overlaps(doubts(from, along), f64x4::splat(corner.per_size), slope);
-        let hits = within(overlap).to_bitmask();
-        if *polygon { self.certain(face, from, along, (t, slope), hits) } else { hits }
+        let (doubts, per_size) =
+            (doubts(from, along, f64x4::splat(*greatest)), f64x4::splat(corner.per_size));
+        let hits = within(overlaps(doubts, per_size, slope)).to_bitmask();
+        let grazing = if is_low() { (inside & grazing(doubts, per_size, slope)).to_bitmask() } else { 0 };
+        let asked = if *polygon { hits | grazing } else { grazing };
+        if asked == 0 {
+            return hits;
+        }
+        hits & !asked | self.certain(face, from, along, (t, slope), (asked, grazing))
     }
 
-    /// Which of these hits of the rectangle around a polygon lie in it.
-    fn certain(&self, face: u32, from: DVec3, along: &DVec3x4, (t, slope): (f64x4, f64x4), hits: u32) -> u32 {
+    /// Which of the segments `asked` about the face blocks, that meet its plane at `t`: polygons, of which the rectangle around is met, and those
+    /// that graze it.
+    fn certain(
+        &self,
+        face: u32,
+        from: DVec3,
+        along: &DVec3x4,
+        (t, slope): (f64x4, f64x4),
+        (asked, grazing): (u32, u32),
+    ) -> u32 {
         let along = along.0.map(f64x4::to_array);
         let (t, slope) = (t.to_array(), slope.to_array());
-        let is_in = |i: usize| {
+        let is_blocked = |i: usize| {
             let along = DVec3::new(along[0][i], along[1][i], along[2][i]);
-            self.is_certain(face, from, along, t[i], slope[i])
+            match grazing >> i & 1 {
+                0 => self.is_certain(face, from, along, t[i], slope[i]),
+                _ => self.blocks(face, from, along),
+            }
         };
-        (0..LANES).filter(|i| hits >> i & 1 != 0 && is_in(*i)).map(|i| 1 << i).sum()
+        (0..LANES).filter(|i| asked >> i & 1 != 0 && is_blocked(*i)).map(|i| 1 << i).sum()
     }
 }
 

@@ -8,9 +8,10 @@
 use glam::DVec3;
 use wide::f32x8;
 
-use super::beam::{Beam, Boxes, Fan};
+use super::beam::{Beam, Boxes, Fan, PAD};
 use super::binned::{BinaryNode, BinaryTree, MAX_DEPTH, half_area};
 use super::block::{Block, Line, NO_FACE};
+use super::opaque::ROUNDING;
 use super::{MAX_BUNDLE, Occluder, OpaqueFaces, Shaft};
 use crate::math::lanes::LANES;
 
@@ -27,7 +28,7 @@ pub struct Bvh {
     blocks: Vec<Block>,
     /// Boxes are told from here.
     centre: DVec3,
-    /// The greatest coordinate of a box.
+    /// The greatest coordinate of a box, and as much more as [`PAD`] takes to cover what coordinates lose far from the origin.
     extent: f64,
     depth: usize,
 }
@@ -83,7 +84,10 @@ impl Bvh {
             return Self { faces, nodes, blocks, centre: DVec3::ZERO, extent: 0.0, depth: 0 };
         };
         let centre = 0.5 * (root.low + root.high);
-        let extent = (0.5 * (root.high - root.low)).max_element() * (1.0 + f64::from(f32::EPSILON));
+        // An edge and a segment that passes it each lose as much as both told from the origin.
+        let lost = 2.0 * ROUNDING * root.low.abs().max(root.high.abs()).element_sum();
+        let extent =
+            (0.5 * (root.high - root.low)).max_element() * (1.0 + f64::from(f32::EPSILON)) + lost / PAD;
         let mut bvh = Self { faces, nodes, blocks, centre, extent, depth: 0 };
         bvh.collapse(&tree, 0, 1);
         bvh

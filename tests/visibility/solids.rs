@@ -60,11 +60,21 @@ pub enum Kind {
     Duplicates,
     /// A ball of triangles with dents.
     Ball,
+    /// A box of polygons and triangles cut near their sides in both directions, so that specks are left, far from the origin. Segments start
+    /// as near to a wall as a millionth of its width, or are short.
+    Specks,
 }
 
 impl Kind {
-    pub const ALL: [Kind; 6] =
-        [Kind::Squares, Kind::Triangles, Kind::TJunctions, Kind::Polygons, Kind::Duplicates, Kind::Ball];
+    pub const ALL: [Kind; 7] = [
+        Kind::Squares,
+        Kind::Triangles,
+        Kind::TJunctions,
+        Kind::Polygons,
+        Kind::Duplicates,
+        Kind::Ball,
+        Kind::Specks,
+    ];
 }
 
 /// A solid somewhere in space.
@@ -92,8 +102,11 @@ impl Solid {
         } else {
             DQuat::IDENTITY
         };
-        let centre =
-            if dice.unit() < 0.5 { DVec3::ZERO } else { dice.direction() * size * dice.between(0.0, 100.0) };
+        let centre = match kind {
+            Kind::Specks => dice.direction() * size * 10f64.powf(dice.between(-1.0, 4.0)),
+            _ if dice.unit() < 0.5 => DVec3::ZERO,
+            _ => dice.direction() * size * dice.between(0.0, 100.0),
+        };
         let mut solid = Self { faces: Vec::new(), kind, centre, size, turn };
         solid.faces = faces.iter().map(|f| f.iter().map(|p| solid.place(*p)).collect()).collect();
         solid
@@ -105,6 +118,7 @@ impl Solid {
 
     /// A segment from inside to outside, as often as not through an edge or a corner.
     pub fn way_out(&self, dice: &mut Dice) -> (DVec3, DVec3) {
+        let specks = self.kind == Kind::Specks;
         let near_wall = |dice: &mut Dice| {
             let gap = if dice.unit() < 0.5 { dice.unit() } else { 10f64.powf(dice.between(-4.0, 0.0)) };
             (1.0 - gap) * if dice.unit() < 0.5 { 1.0 } else { -1.0 }
@@ -115,7 +129,7 @@ impl Solid {
         };
         let origin = self.place(origin);
         let face = &self.faces[dice.below(self.faces.len())];
-        let i = dice.below(face.len());
+        let i = if specks { shortest_edge(face) } else { dice.below(face.len()) };
         let (a, b, c) = (face[i], face[(i + 1) % face.len()], face[(i + 2) % face.len()]);
         let target = match dice.below(4) {
             0 => a,
@@ -123,6 +137,16 @@ impl Solid {
             2 => a.lerp(b, dice.unit()),
             _ => a.lerp(b, dice.unit()).lerp(c, dice.unit()),
         };
+        let mut origin = origin;
+        if specks {
+            // Near to the face's plane, or to the target.
+            let to = if dice.unit() < 0.7 {
+                face[(i + 2 + dice.below(face.len() - 2)) % face.len()]
+            } else {
+                target
+            };
+            origin = to.lerp(origin, 10f64.powf(dice.between(-6.0, 0.0)));
+        }
         (origin, origin + (target - origin) * dice.between(1.5, 5.0))
     }
 
@@ -142,6 +166,12 @@ fn on_side(face: &[[f64; 2]], side: usize) -> Vec<DVec3> {
     }
     (0..side % 3).for_each(|_| turned.iter_mut().for_each(|p| *p = DVec3::new(p.z, p.x, p.y)));
     turned
+}
+
+/// Where a face's shortest edge starts.
+fn shortest_edge(face: &[DVec3]) -> usize {
+    let length = |i: &usize| face[*i].distance(face[(i + 1) % face.len()]);
+    (0..face.len()).min_by(|i, j| length(i).total_cmp(&length(j))).unwrap_or(0)
 }
 
 /// The faces of one wall, on −1…1.
@@ -165,9 +195,15 @@ fn wall(kind: Kind, dice: &mut Dice) -> Vec<Vec<[f64; 2]>> {
                     if across { [([u[0], x], v), ([x, u[1]], v)] } else { [(u, [v[0], y]), (u, [y, v[1]])] };
                 faces.extend(halves.map(|(u, v)| rectangle(u, v)));
             }
-            Kind::Polygons => {
+            Kind::Specks if dice.unit() < 0.5 => {
+                let centre = [dice.near_an_end(u[0], u[1]), dice.near_an_end(v[0], v[1])];
+                faces.extend((0..4).map(|i| vec![square[i], square[(i + 1) % 4], centre]));
+            }
+            Kind::Polygons | Kind::Specks => {
                 // An L, and the rectangle in its notch cut askew: some of them no more than strips, but none a speck.
-                let (x, y) = if dice.unit() < 0.5 {
+                let (x, y) = if kind == Kind::Specks {
+                    (dice.near_an_end(u[0], u[1]), dice.near_an_end(v[0], v[1]))
+                } else if dice.unit() < 0.5 {
                     (dice.near_an_end(u[0], u[1]), dice.between(v[0], v[1]))
                 } else {
                     (dice.between(u[0], u[1]), dice.near_an_end(v[0], v[1]))
