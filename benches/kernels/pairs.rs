@@ -7,7 +7,7 @@ use wavelet_radiosity::scene::{Face, Frame, Material, Scene, Sides};
 use wavelet_radiosity::transport::candidates::{Candidates, narrow};
 use wavelet_radiosity::transport::gather::Tolerance;
 use wavelet_radiosity::transport::{Detail, Gather, Packet, PacketNode, Points, SampleRules, Scratch, Work};
-use wavelet_radiosity::visibility::{Bvh, OpaqueFaces, Shaft};
+use wavelet_radiosity::visibility::{Bvh, OpaqueFaces};
 
 /// An emitter and the points that look at it.
 pub struct Pair {
@@ -84,8 +84,8 @@ impl Pair {
     fn blockers(&self, scratch: &mut Scratch) -> Candidates {
         let frame = &self.packet.frame;
         let corners = square(frame.origin, frame.u, frame.v);
-        let shaft = Shaft::between(&self.hull, Some(DVec3::Z), &corners, Some(frame.normal));
-        narrow(&self.occluder, &shaft, Candidates::Scene, [0, 1], &self.hull, &corners, scratch)
+        let (ground, emitter) = ((&self.hull[..], Some(DVec3::Z)), (&corners[..], Some(frame.normal)));
+        narrow(&self.occluder, Candidates::Scene, [0, 1], ground, emitter, scratch)
     }
 }
 
