@@ -239,6 +239,16 @@ impl<F: Fn(u64) + Sync> Occluder for Disturbed<'_, F> {
         self.bvh.blocker(from, to, skip)
     }
 
+    fn any_blocks(
+        &self,
+        from: DVec3,
+        to: DVec3,
+        skip: [u32; 2],
+        is_wanted: &mut dyn FnMut(u32) -> bool,
+    ) -> bool {
+        self.bvh.any_blocks(from, to, skip, is_wanted)
+    }
+
     fn candidates(&self, shaft: &Shaft, skip: [u32; 2], limit: usize, out: &mut Vec<u32>) -> bool {
         (self.disturb)(self.asked.fetch_add(1, Relaxed));
         self.bvh.candidates(shaft, skip, limit, out)

@@ -98,6 +98,7 @@ fn of_work(work: &Work, time_s: f64, unoccluded: bool) -> Vec<(&'static str, Sav
         ),
         ("clusters", of_clusters(work, evaluation_s, coarse)),
         of_rays(work, evaluation_s, unoccluded),
+        ("hidden_cells", of_sights(work.sights_hidden, work, evaluation_s)),
         (
             "short_lists",
             Saving::uncertain(
@@ -134,26 +135,27 @@ fn of_clusters(work: &Work, evaluation_s: f64, coarse: f64) -> Saving {
     Saving::of(work.pairs_clustered, "pairs", (Bound::About, evaluation_s * evaluations.max(0.0), how))
 }
 
-/// Rays that were not cast because nothing could be in between: in the scene, or in shafts.
+/// Rays that were not cast because nothing could be in between, in the scene or in shafts.
 fn of_rays(work: &Work, evaluation_s: f64, unoccluded: bool) -> (&'static str, Saving) {
-    let (rule, spared, how) = match (unoccluded, work.sights_by_rays) {
-        (true, _) => (
-            "nothing_between",
-            work.sights_free + work.visibility_rays,
-            "at least one ray for each look of a point at a cell × mean time of an evaluation",
-        ),
-        (false, 0) => (
-            "empty_shafts",
-            work.sights_free,
-            "at least one ray for each look of a point at a cell × mean time of an evaluation",
-        ),
-        (false, by_rays) => (
-            "empty_shafts",
-            (work.sights_free as f64 * mean(work.visibility_rays, by_rays)) as u64,
+    if !unoccluded {
+        return ("empty_shafts", of_sights(work.sights_free, work, evaluation_s));
+    }
+    let spared = work.sights_free + work.visibility_rays;
+    let how = "at least one ray for each look of a point at a cell × mean time of an evaluation";
+    ("nothing_between", Saving::of(spared, "rays", (Bound::About, evaluation_s * spared as f64, how)))
+}
+
+/// Rays that so many looks of points at cells would have needed.
+fn of_sights(sights: u64, work: &Work, evaluation_s: f64) -> Saving {
+    let (each, how) = match work.sights_by_rays {
+        0 => (1.0, "at least one ray for each look of a point at a cell × mean time of an evaluation"),
+        by_rays => (
+            mean(work.visibility_rays, by_rays),
             "looks of a point at a cell × mean rays of those that needed some × mean time of an evaluation",
         ),
     };
-    (rule, Saving::of(spared, "rays", (Bound::About, evaluation_s * spared as f64, how)))
+    let spared = (sights as f64 * each) as u64;
+    Saving::of(spared, "rays", (Bound::About, evaluation_s * spared as f64, how))
 }
 
 fn of_bands((bands, computed): (usize, usize), time_s: f64) -> Option<(&'static str, Saving)> {
@@ -204,6 +206,7 @@ mod tests {
             visibility_rays: 300,
             sights_by_rays: 100,
             sights_free: 50,
+            sights_hidden: 20,
             pairs_behind: 6,
             pairs_resolved: 4,
             pairs_hidden: 8,
@@ -225,6 +228,7 @@ mod tests {
         near("coarse", 10.0 * (0.2 - 0.01));
         near("clusters", 30.0 * 0.01 - 0.1);
         near("empty_shafts", 150.0 * 0.001);
+        near("hidden_cells", 60.0 * 0.001);
         for (rule, saving) in erring(saved, Unresolved { coarse: 0.01, clusters: 0.002, cut_short: 0.0 }) {
             let expected = [("coarse", 0.01), ("clusters", 0.002)].into_iter().find(|(of, _)| *of == rule);
             assert_eq!(saving.error_estimate, expected.map(|(_, error)| error), "{rule}");

@@ -67,7 +67,10 @@ pub fn narrow(
         }
         Candidates::Scene => {
             if !occluder.candidates(&shaft, skip, LIST_LIMIT, &mut scratch.candidates) {
-                return Candidates::Scene;
+                // What hides one from the other stands between their middles.
+                let (from, to) = shaft.middles();
+                let is_hidden = occluder.any_blocks(from, to, skip, &mut |face| hides(face));
+                return if is_hidden { Candidates::Hidden } else { Candidates::Scene };
             }
         }
     }

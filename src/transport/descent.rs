@@ -50,8 +50,8 @@ impl<'a, S> Aim<'a, S> {
 struct Visitor {
     aim: u32,
     candidates: Candidates,
-    /// The face that blocked a segment last, where there is no list. It goes with the source, not with the worker, since what is seen to be
-    /// hidden depends on it.
+    /// The face that blocked a segment last, where there is no list. It goes with the source, not with the worker, so that counts of rays are
+    /// the same on any number of threads.
     last_blocker: u32,
 }
 

@@ -128,7 +128,7 @@ impl<'a, const N: usize> Gather<'a, N> {
             self.scratch.work.sights_free += u64::from(how.taken().count_ones());
         }
         let ready = Ready::default();
-        let mut divided = self.not_hidden(how.divided, emitter, &ready, candidates);
+        let mut divided = how.divided;
         // What is recorded, and what rays must tell first, goes point by point; the rest side by side.
         let recorded = self.recorded(emitter);
         let alone = if candidates == Candidates::Free { how.taken() & recorded } else { how.taken() };
@@ -163,9 +163,8 @@ impl<'a, const N: usize> Gather<'a, N> {
             detail: emitter.node.map_or(Detail::default(), |n| self.packet.nodes[n as usize].detail),
             order: self.packet.basis.order(),
             tolerance,
-            splittable: emitter.virtual_depth < MAX_VIRTUAL_DEPTH,
+            splittable: is_splittable(emitter),
             blockers: blockers(candidates),
-            traceable: self.is_traceable(candidates),
         };
         let mut how = How::default();
         for (group, lanes) in self.lanes.iter().enumerate() {
@@ -202,27 +201,36 @@ impl<'a, const N: usize> Gather<'a, N> {
         let targets = ready.nodes.get(self.packet, emitter, rays, &mut self.scratch.nodes);
         let visible = self.trace(p, emitter, targets, ready, candidates);
         let unanimous = visible == 0 || visible == targets.all();
-        let doubted = how.doubt & 1 << p != 0;
-        if unanimous && doubted && self.is_certain(p, emitter, candidates) {
+        let is = |points: u32| points & 1 << p != 0;
+        if unanimous && !is(how.doubt) {
             return Sight::Nodes(visible);
         }
-        let open = !unanimous || doubted;
-        if open && how.split & 1 << p != 0 {
-            return Sight::Divide;
+        if !unanimous && !is(how.exact) {
+            return if is(how.split) { Sight::Divide } else { Sight::Nodes(visible) };
         }
-        if open && how.exact & 1 << p != 0 {
-            let constant = how.constant & 1 << p != 0;
-            let seen = self.visible_light(p, emitter, candidates, constant);
-            return seen.map_or(Sight::Divide, |(light, whole)| {
-                self.uncertain[p] += whole * norm(&emitter.coefficients[0]);
-                Sight::Exact(light)
-            });
-        }
-        Sight::Nodes(visible)
+        // What stands between this point and the cell alone.
+        let top = self.scratch.candidates.len();
+        let between = self.between(p, emitter, candidates);
+        let sight = match between {
+            Candidates::Free | Candidates::Hidden => Sight::Nodes(visible),
+            _ if is(how.split) => Sight::Divide,
+            _ if is(how.exact) && self.is_traceable(between) => {
+                let constant = is(how.constant);
+                let seen = self.visible_light(p, emitter, between, constant);
+                seen.map_or(Sight::Divide, |(light, whole)| {
+                    self.uncertain[p] += whole * norm(&emitter.coefficients[0]);
+                    Sight::Exact(light)
+                })
+            }
+            _ if is_splittable(emitter) => Sight::Divide,
+            _ => Sight::Nodes(visible),
+        };
+        self.scratch.candidates.truncate(top);
+        sight
     }
 
-    /// Whether the face that blocked a segment last hides all of the cell from point `p`, which rays cannot tell. Of a bundle alone: what
-    /// blocked a single point's segment last is another pair's, and the solution must not hang on who came first.
+    /// Whether the face that blocked a segment last hides all of the cell from point `p`. Where another one does, the rays say so too. Of a
+    /// bundle alone: what blocked a single point's segment last is another pair's, and counts of rays must not hang on who came first.
     fn is_hidden(
         &mut self,
         p: usize,
@@ -238,35 +246,12 @@ impl<'a, const N: usize> Gather<'a, N> {
         hidden
     }
 
-    /// Whether nothing stands between point `p` and the cell, or one face that hides all of it.
-    fn is_certain(&mut self, p: usize, emitter: &EmitterCell<N>, candidates: Candidates) -> bool {
-        let top = self.scratch.candidates.len();
-        let eye = [self.points.eye[p]];
-        let corners = emitter.hull(&self.packet.frame);
-        let (point, cell) =
-            ((&eye[..], Some(self.points.normal)), (&corners[..], Some(self.packet.frame.normal)));
-        let narrowed = narrow(self.occluder, candidates, self.own_faces(), point, cell, self.scratch);
-        self.scratch.candidates.truncate(top);
-        matches!(narrowed, Candidates::Free | Candidates::Hidden)
-    }
-
-    /// Those of the points from which the cell is not known to be hidden, for the others need not look at its parts.
-    fn not_hidden(
-        &mut self,
-        points: u32,
-        emitter: &EmitterCell<N>,
-        ready: &Ready<N>,
-        candidates: Candidates,
-    ) -> u32 {
-        let mut rest = points;
-        for p in points_of(points) {
-            if self.is_hidden(p, emitter, ready, candidates) {
-                rest &= !(1 << p);
-                // What hides it from this point may not do so from the next.
-                self.uncertain[p] += self.form_factor(p, emitter) * norm(&emitter.coefficients[0]);
-            }
-        }
-        rest
+    /// The candidates that reach in between point `p` and the cell. A new list stands at the end of the scratch list.
+    fn between(&mut self, p: usize, emitter: &EmitterCell<N>, candidates: Candidates) -> Candidates {
+        let (eye, corners) = ([self.points.eye[p]], emitter.hull(&self.packet.frame));
+        let point = (&eye[..], Some(self.points.normal));
+        let cell = (&corners[..], Some(self.packet.frame.normal));
+        narrow(self.occluder, candidates, self.own_faces(), point, cell, self.scratch)
     }
 
     /// Which of the nodes of a cell point `p` sees, as a bit mask. In a crowd it looks past them, elsewhere than the other points: what stood
@@ -354,6 +339,11 @@ impl<'a, const N: usize> Gather<'a, N> {
     fn own_faces(&self) -> [u32; 2] {
         [self.points.face, self.packet.face]
     }
+}
+
+/// Whether parts of a cell may be looked at.
+fn is_splittable<const N: usize>(emitter: &EmitterCell<N>) -> bool {
+    emitter.virtual_depth < MAX_VIRTUAL_DEPTH
 }
 
 /// How many faces may stand in between.

@@ -41,8 +41,6 @@ pub(super) struct Judge {
     pub splittable: bool,
     /// How many faces may stand in between.
     pub blockers: usize,
-    /// Whether what its blockers leave visible can be followed exactly.
-    pub traceable: bool,
 }
 
 /// How points take the light of a cell; sets of points are bit masks.
@@ -57,7 +55,8 @@ pub(super) struct How {
     pub constant: u32,
     /// Those that judge visibility by rays, by rays per dimension, from 1 on; the others need none.
     pub rays: [u32; 3],
-    /// What those do that see it in part: they compute the visible part exactly, or divide it; the others believe the rays.
+    /// What those do that see it in part: they compute the visible part exactly, if few faces stand in between, or divide it; the others believe
+    /// the rays.
     pub exact: u32,
     pub split: u32,
     /// For these even a unanimous vote of the rays leaves too much in doubt.
@@ -168,7 +167,7 @@ impl Judge {
         } else {
             taken
         };
-        let exact = if self.traceable { fragments & !(edged | believed) } else { 0 };
+        let exact = fragments & !(edged | believed);
         let split = if self.splittable { taken & !(believed | exact) } else { 0 };
         (0..3).for_each(|n| how.rays[n] |= rays[n]);
         how.exact |= exact;
@@ -210,7 +209,7 @@ mod tests {
         let rays = enough.unwrap_or(3);
         let believed = MIXED_ERROR[rays - 1] * estimate <= absolute;
         let fragments = FRAGMENT_ERROR[smooth.is_none() as usize] * variation <= absolute;
-        let exact = !edged && !believed && judge.traceable && (fragments || !judge.splittable);
+        let exact = !edged && !believed && (fragments || !judge.splittable);
         let split = edged || !believed && !exact && judge.splittable;
         Some((nodes, rays, [smooth.is_none(), constant, exact, split, enough.is_none()]))
     }
@@ -222,7 +221,7 @@ mod tests {
             (mean, variation, rms, max) in (-1.0..3.0f64, -3.0..2.0f64, -4.0..1.0f64, -4.0..1.0f64),
             (relative, absolute) in (-4.0..-1.0f64, -5.0..1.0f64),
             order in 1..=3usize,
-            (splittable, traceable) in (proptest::bool::ANY, proptest::bool::ANY),
+            splittable in proptest::bool::ANY,
             blockers in 0..10usize,
             active in 0..16u32,
         ) {
@@ -234,7 +233,6 @@ mod tests {
                 tolerance: Tolerance { relative: power(relative), absolute_w_m2: power(absolute) },
                 splittable,
                 blockers,
-                traceable,
             };
             let (ratio, nearest) = (seen.map(|s| power(s.0)), seen.map(|s| power(s.1)));
             let form_factor = seen.map(|s| power(s.2));

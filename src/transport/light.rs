@@ -156,7 +156,8 @@ impl<const N: usize> Gather<'_, N> {
         )?;
         let x = self.points.position[p];
         let shift = eye - x;
-        self.scratch.work.lambert_evaluations += visible.len() as u64;
+        self.scratch.work.lambert_evaluations += 1 + visible.len() as u64;
+        let whole = form_factor(x, n_x, emitter.corners(&self.packet.frame));
         let mut light = [0.0; M];
         let packet = self.packet;
         let radiosity = |y: DVec3| nearest_radiosity(packet, emitter, x + y);
@@ -191,13 +192,7 @@ impl<const N: usize> Gather<'_, N> {
                 }
             }
         }
-        Some((light, self.form_factor(p, emitter)))
-    }
-
-    /// The form factor of a cell from point `p`, all of it seen.
-    pub(super) fn form_factor<const M: usize>(&mut self, p: usize, emitter: &EmitterCell<M>) -> f64 {
-        self.scratch.work.lambert_evaluations += 1;
-        form_factor(self.points.position[p], self.points.normal, emitter.corners(&self.packet.frame))
+        Some((light, whole))
     }
 
     /// Sorts candidates by their distance from a point of the bundle's hull that lies on none of its axes of symmetry. Which fragments are

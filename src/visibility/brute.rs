@@ -19,6 +19,17 @@ impl Occluder for Brute {
         (0..self.0.len() as u32).find(|f| !skip.contains(f) && self.0.blocks(*f, from, to - from))
     }
 
+    fn any_blocks(
+        &self,
+        from: DVec3,
+        to: DVec3,
+        skip: [u32; 2],
+        is_wanted: &mut dyn FnMut(u32) -> bool,
+    ) -> bool {
+        let is_found = |f: u32| !skip.contains(&f) && self.0.blocks(f, from, to - from) && is_wanted(f);
+        (0..self.0.len() as u32).any(is_found)
+    }
+
     fn candidates(&self, shaft: &Shaft, skip: [u32; 2], limit: usize, out: &mut Vec<u32>) -> bool {
         let start = out.len();
         for face in 0..self.0.len() as u32 {

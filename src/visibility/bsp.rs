@@ -251,6 +251,22 @@ impl Occluder for Bsp {
         found
     }
 
+    fn any_blocks(
+        &self,
+        from: DVec3,
+        to: DVec3,
+        skip: [u32; 2],
+        is_wanted: &mut dyn FnMut(u32) -> bool,
+    ) -> bool {
+        let (along, mut found) = (to - from, false);
+        self.walk(from, along, 1.0, |list, reach| {
+            let blocks = |f: &u32| !skip.contains(f) && self.faces.blocks(*f, from, along);
+            found = list.iter().any(|f| blocks(f) && is_wanted(*f));
+            if found { -1.0 } else { reach }
+        });
+        found
+    }
+
     fn candidates(&self, shaft: &Shaft, skip: [u32; 2], limit: usize, out: &mut Vec<u32>) -> bool {
         let first = out.len();
         let overlap = self.root.overlap();

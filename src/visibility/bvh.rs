@@ -205,6 +205,33 @@ impl Occluder for Bvh {
         all as u32 & !self.search(from, along, skip, open, last)
     }
 
+    fn any_blocks(
+        &self,
+        from: DVec3,
+        to: DVec3,
+        skip: [u32; 2],
+        is_wanted: &mut dyn FnMut(u32) -> bool,
+    ) -> bool {
+        let along = to - from;
+        let beam = Beam::new(from - self.centre, along, along, 1.0, self.extent);
+        let (Some(beam), Some(root)) = (beam, self.nodes.first()) else { return false };
+        let mut found = false;
+        let mut walk = Walk::new(beam.meets(&root.boxes));
+        while !found && let Some((node, lane)) = walk.next(&self.nodes) {
+            let child = node.children[lane];
+            if child & LEAF == 0 {
+                walk.enter(child, beam.meets(&self.nodes[child as usize].boxes));
+                continue;
+            }
+            let mut last = NO_FACE;
+            let is_met = |block: &&Block| block.blocked(&self.faces, from, &[along], skip, 1, &mut last) != 0;
+            let faces = self.leaf(child).iter().filter(is_met).flat_map(|block| block.face);
+            let blocks = |face: &u32| !skip.contains(face) && self.faces.blocks(*face, from, along);
+            found = faces.take_while(|face| *face != NO_FACE).filter(blocks).any(&mut *is_wanted);
+        }
+        found
+    }
+
     fn candidates(&self, shaft: &Shaft, skip: [u32; 2], limit: usize, out: &mut Vec<u32>) -> bool {
         let start = out.len();
         let Some(root) = self.nodes.first() else { return true };

@@ -53,6 +53,15 @@ pub trait Occluder: Sync {
         blocked
     }
 
+    /// Whether a face other than the two in `skip` blocks the open segment that `is_wanted`; all that do are asked about, in any order.
+    fn any_blocks(
+        &self,
+        from: DVec3,
+        to: DVec3,
+        skip: [u32; 2],
+        is_wanted: &mut dyn FnMut(u32) -> bool,
+    ) -> bool;
+
     /// Appends the faces that may block a segment inside `shaft`; gives up and returns `false` beyond `limit` faces, `out` then
     /// being as it was.
     fn candidates(&self, shaft: &Shaft, skip: [u32; 2], limit: usize, out: &mut Vec<u32>) -> bool;
@@ -90,6 +99,16 @@ impl<T: Occluder + ?Sized> Occluder for &T {
 
     fn blocked(&self, from: DVec3, to: &[DVec3], skip: [u32; 2], last: &mut u32) -> u32 {
         (**self).blocked(from, to, skip, last)
+    }
+
+    fn any_blocks(
+        &self,
+        from: DVec3,
+        to: DVec3,
+        skip: [u32; 2],
+        is_wanted: &mut dyn FnMut(u32) -> bool,
+    ) -> bool {
+        (**self).any_blocks(from, to, skip, is_wanted)
     }
 
     fn candidates(&self, shaft: &Shaft, skip: [u32; 2], limit: usize, out: &mut Vec<u32>) -> bool {
@@ -134,6 +153,16 @@ impl<T: Occluder> Occluder for Unoccluded<T> {
 
     fn blocked(&self, _from: DVec3, _to: &[DVec3], _skip: [u32; 2], _last: &mut u32) -> u32 {
         0
+    }
+
+    fn any_blocks(
+        &self,
+        _from: DVec3,
+        _to: DVec3,
+        _skip: [u32; 2],
+        _is_wanted: &mut dyn FnMut(u32) -> bool,
+    ) -> bool {
+        false
     }
 
     fn candidates(&self, _shaft: &Shaft, _skip: [u32; 2], _limit: usize, _out: &mut Vec<u32>) -> bool {
@@ -182,6 +211,15 @@ mod tests {
     fn check(structure: &dyn Occluder, brute: &Brute, a: DVec3, b: DVec3) -> Result<(), TestCaseError> {
         prop_assert_eq!(structure.blocker(a, b, [0, 1]).is_some(), brute.blocker(a, b, [0, 1]).is_some());
         prop_assert_eq!(structure.first_hit(a, b - a), brute.first_hit(a, b - a));
+        let all = |occluder: &dyn Occluder| {
+            let mut all = std::collections::BTreeSet::new();
+            occluder.any_blocks(a, b, [0, 1], &mut |face| !all.insert(face) && false);
+            all
+        };
+        prop_assert_eq!(all(structure), all(brute));
+        prop_assert!(
+            all(brute).iter().all(|wanted| structure.any_blocks(a, b, [0, 1], &mut |face| face == *wanted))
+        );
         let around: Vec<DVec3> =
             (0..11).map(|i| b + 0.2 * i as f64 * (DVec3::new(a.z, a.x, a.y) - b)).collect();
         let mut last = 1;

@@ -68,6 +68,12 @@ impl Shaft {
         shaft
     }
 
+    /// The middles of both sides.
+    pub fn middles(&self) -> (DVec3, DVec3) {
+        let (from, along) = self.axis;
+        (from, from + along)
+    }
+
     fn planes(&self) -> impl Iterator<Item = (DVec3, f64)> {
         (0..self.count).map(|i| self.plane(i))
     }
