@@ -213,7 +213,11 @@ mod tests {
         prop_assert_eq!(structure.first_hit(a, b - a), brute.first_hit(a, b - a));
         let all = |occluder: &dyn Occluder| {
             let mut all = std::collections::BTreeSet::new();
-            occluder.any_blocks(a, b, [0, 1], &mut |face| !all.insert(face) && false);
+            let none = occluder.any_blocks(a, b, [0, 1], &mut |face| {
+                all.insert(face);
+                false
+            });
+            assert!(!none);
             all
         };
         prop_assert_eq!(all(structure), all(brute));

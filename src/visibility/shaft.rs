@@ -51,10 +51,11 @@ impl Shaft {
             }
         }
         let (of_a, of_b) = (DVec3x4::new(a), DVec3x4::new(b));
-        for (side, lanes) in [(a, [&of_a, &of_b]), (b, [&of_b, &of_a])] {
-            for i in 0..side.len() {
+        for (side, lanes, others) in [(a, [&of_a, &of_b], b.len()), (b, [&of_b, &of_a], a.len())] {
+            // A point has no edges.
+            for i in (0..side.len()).filter(|_| side.len() > 1) {
                 let (p, q) = (side[i], side[(i + 1) % side.len()]);
-                planes.push_supports(p, q - p, lanes, extent);
+                planes.push_supports(p, q - p, lanes, others, extent);
             }
         }
         let middle = |side: &[DVec3]| side.iter().sum::<DVec3>() / side.len() as f64;
@@ -96,23 +97,24 @@ impl Shaft {
     /// The same for a convex or concave polygon that reaches into the shaft's box, and is asked whether the shaft's axis crosses it where its
     /// corners do not tell.
     fn may_hold_polygon(&self, polygon: &[DVec3], is_crossed: impl FnOnce() -> bool) -> bool {
-        // Half-spaces that cut the polygon, and corners outside of one or another; of a polygon of few corners.
-        let (mut cutting, mut outside) = (0, 0u32);
-        for (group, (n, d)) in self.planes[..self.count.div_ceil(LANES)].iter().enumerate() {
+        let groups = &self.planes[..self.count.div_ceil(LANES)];
+        let mut cutting = 0;
+        for (group, (n, d)) in groups.iter().enumerate() {
             let (mut deepest, mut highest) = (f64x4::splat(f64::INFINITY), f64x4::splat(f64::NEG_INFINITY));
-            for (i, v) in polygon.iter().enumerate() {
+            for v in polygon {
                 let along = n.dot(&DVec3x4::splat(*v));
                 (deepest, highest) = (deepest.fast_min(along), highest.fast_max(along));
-                outside |= u32::from(along.simd_ge(*d).any()) << (i % MAX_CUT);
             }
             if !deepest.simd_lt(*d).all() {
                 return false;
             }
             cutting |= highest.simd_ge(*d).to_bitmask() << (LANES * group);
         }
-        polygon.len() > MAX_CUT
-            || outside.count_ones() < polygon.len() as u32
+        let is_inside = |v: &DVec3| groups.iter().all(|(n, d)| n.dot(&DVec3x4::splat(*v)).simd_lt(*d).all());
+        cutting == 0
+            || polygon.len() > MAX_CUT
             || is_crossed()
+            || polygon.iter().any(is_inside)
             || self.leaves(polygon, cutting & ((1 << self.count) - 1))
     }
 
@@ -181,16 +183,23 @@ impl Shaft {
 }
 
 impl Planes {
-    /// Adds the planes through the edge of a side that starts at `p` and a corner of the other side that have all corners of both on the same
-    /// side: these are faces of the hull.
-    fn push_supports(&mut self, p: DVec3, edge: DVec3, [own, other]: [&DVec3x4; 2], extent: f64) {
+    /// Adds the planes through the edge of a side that starts at `p` and one of the other side's `others` corners that have all corners of both on
+    /// the same side: these are faces of the hull.
+    fn push_supports(
+        &mut self,
+        p: DVec3,
+        edge: DVec3,
+        [own, other]: [&DVec3x4; 2],
+        others: usize,
+        extent: f64,
+    ) {
         let at = DVec3x4::splat(p);
         let (own, other) = (*own - at, *other - at);
         let swung = DVec3x4::splat(edge).cross(&other);
         let lengths = swung.length_squared().sqrt().to_array();
         let [x, y, z] = [swung.0[0].to_array(), swung.0[1].to_array(), swung.0[2].to_array()];
         let margin = extent * 1e-9;
-        for i in (0..LANES).filter(|i| lengths[*i] > extent * extent * 1e-12) {
+        for i in (0..others).filter(|i| lengths[*i] > extent * extent * 1e-12) {
             let normal = DVec3::new(x[i], y[i], z[i]) / lengths[i];
             let lanes = DVec3x4::splat(normal);
             let (height, other_height) = (lanes.dot(&own), lanes.dot(&other));
