@@ -104,6 +104,10 @@ impl Shaft {
             for v in polygon {
                 let along = n.dot(&DVec3x4::splat(*v));
                 (deepest, highest) = (deepest.fast_min(along), highest.fast_max(along));
+                // Of many corners it is enough to know that each half-space holds one.
+                if polygon.len() > MAX_CUT && deepest.simd_lt(*d).all() {
+                    break;
+                }
             }
             if !deepest.simd_lt(*d).all() {
                 return false;
@@ -111,8 +115,8 @@ impl Shaft {
             cutting |= highest.simd_ge(*d).to_bitmask() << (LANES * group);
         }
         let is_inside = |v: &DVec3| groups.iter().all(|(n, d)| n.dot(&DVec3x4::splat(*v)).simd_lt(*d).all());
-        cutting == 0
-            || polygon.len() > MAX_CUT
+        polygon.len() > MAX_CUT
+            || cutting == 0
             || is_crossed()
             || polygon.iter().any(is_inside)
             || self.leaves(polygon, cutting & ((1 << self.count) - 1))
